@@ -84,10 +84,10 @@ class Fds(ConditionSource):
             raise ScenarioError("file: missing; name the Smokeview file (.smv) of the calculation")
         path = scene.file(scene.settings.file)
         levels, shift = scene.levels(), scene.settings.shift
-        found = read_slices(path, frozenset(NAMES), shift)
-        blocks = [block for block in found if not block.is_vertical]
+        slices = read_slices(path, frozenset(NAMES), shift)
+        blocks = [block for block in slices if not block.is_vertical]
         if not blocks:
-            seen = ", only vertical planes (PBX, PBY), which are not read" if found else ""
+            seen = ", only vertical planes (PBX, PBY), which are not read" if slices else ""
             raise ScenarioError(
                 f"{path}: lists no horizontal or volume slices of {', '.join(list(NAMES)[:3])} or volume fractions"
                 f"{seen}; add {_line(scene, levels[0], 'extinction')} to the deck, for example; "
@@ -106,7 +106,7 @@ class Fds(ConditionSource):
             raise ScenarioError(f"{first.path}: begins at {first.times[0]:g} s; write slices from T_BEGIN on")
         self._is_level = np.isin(np.arange(len(scene.building.levels)), levels)
         self._is_between = np.array([level.kind != "floor" for level in scene.building.levels])
-        vertical = {NAMES[block.quantity][0] for block in found if block.is_vertical} - {*self._blocks}
+        vertical = {NAMES[block.quantity][0] for block in slices if block.is_vertical} - {*self._blocks}
         self._findings = [
             f"{path}: slices of {name} are vertical planes (PBX, PBY), which are not read; add "
             f"{_line(scene, levels[0], name)} to the deck and run FDS again"
@@ -124,7 +124,7 @@ class Fds(ConditionSource):
         self, quantities: Sequence[str], time: float, level: IntArray, position: FloatArray, height: FloatArray
     ) -> FloatArray:
         """Return the values at a time, linear between frames and in space."""
-        found = np.full((len(quantities), len(level)), np.nan)
+        values = np.full((len(quantities), len(level)), np.nan)
         located: dict[tuple[tuple[bytes, ...], ...], list[_Part]] = {}
         for row, quantity in enumerate(quantities):
             blocks = self._blocks[quantity]
@@ -135,9 +135,9 @@ class Fds(ConditionSource):
             sums = np.zeros(len(level))
             for block, rows, nodes, weights in located[key]:
                 sums[rows] += factor * blocks[block].at(time, nodes, weights)
-                found[row, rows] = sums[rows]
-            np.clip(found[row], own.least, own.most, out=found[row])  # NaN stays
-        return found
+                values[row, rows] = sums[rows]
+            np.clip(values[row], own.least, own.most, out=values[row])  # NaN stays
+        return values
 
     def _locate(
         self, blocks: "list[Block]", level: IntArray, position: FloatArray, height: FloatArray
@@ -150,8 +150,8 @@ class Fds(ConditionSource):
             inside = here & _within(block, points)
             if block.is_plane:
                 away = points[2] - block.axes[2][0]
-                for side, found in enumerate((inside & (away >= 0.0), inside & (away < 0.0))):
-                    nearer = found & (np.abs(away) < nearest[side])
+                for side, candidates in enumerate((inside & (away >= 0.0), inside & (away < 0.0))):
+                    nearer = candidates & (np.abs(away) < nearest[side])
                     nearest[side, nearer], chosen[side, nearer] = np.abs(away[nearer]), k
             else:
                 chosen[2, inside & (chosen[2] < 0)] = k

@@ -66,7 +66,7 @@ class Prescribed(ConditionSource):
         self, quantities: Sequence[str], time: float, level: IntArray, position: FloatArray, height: FloatArray
     ) -> FloatArray:
         """Return the values at a time, linear between those that are given."""
-        found = np.full((len(quantities), len(level)), np.nan)
+        result = np.full((len(quantities), len(level)), np.nan)
         for part in self._parts:
             rows = np.flatnonzero(part.is_on[level])
             if self._polygon is not None:
@@ -77,8 +77,8 @@ class Prescribed(ConditionSource):
             where = rows if len(rows) < len(level) else slice(None)
             for index, name in enumerate(quantities):
                 if (values := part.values.get(name)) is not None:
-                    found[index, where] = values[0] if len(values) == 1 else np.interp(time, part.times, values)
-        return found
+                    result[index, where] = values[0] if len(values) == 1 else np.interp(time, part.times, values)
+        return result
 
 
 def _part_of(scene: SourceScene, levels: list[int], times: Sequence[float] | None, given: Mapping[str, Any]) -> _Part:
@@ -92,15 +92,15 @@ def _part_of(scene: SourceScene, levels: list[int], times: Sequence[float] | Non
     for name, each in given.items():
         if name not in QUANTITIES:
             raise ScenarioError(f"values.{name}: there is no such quantity; {did_you_mean(name, list(QUANTITIES))}")
-        found, own = np.atleast_1d(np.array(each, np.float64)), QUANTITIES[name]
-        if len(found) not in (1, len(at)):
-            raise ScenarioError(f"values.{name}: {len(found)} values for {len(at)} times; give one for each")
-        wrong = found[~((found >= own.least) & (found <= own.most))]
+        numbers, own = np.atleast_1d(np.array(each, np.float64)), QUANTITIES[name]
+        if len(numbers) not in (1, len(at)):
+            raise ScenarioError(f"values.{name}: {len(numbers)} values for {len(at)} times; give one for each")
+        wrong = numbers[~((numbers >= own.least) & (numbers <= own.most))]
         if len(wrong):
             raise ScenarioError(
                 f"values.{name}: {wrong[0]:g} {own.unit} is outside [{own.least:g}, {own.most:g}]; correct it"
             )
-        values[name] = found
+        values[name] = numbers
     return _Part(np.isin(np.arange(len(scene.building.levels)), levels), at, values)
 
 

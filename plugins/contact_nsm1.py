@@ -37,21 +37,21 @@ def project(state: State, own: Projection, h: float) -> int:
     tolerance = min(0.5 * own.gap_tolerance / h, own.velocity_tolerance)  # the other half is for accumulated errors
     for c in range(contacts.number):
         contacts.bias[c] = max(contacts.gap[c], 0.0) / h
-    found = find_percussions(state, bodies.free, bodies.solved, 0.0, 0.0, tolerance, own.iterations, tolerance)
+    residual = find_percussions(state, bodies.free, bodies.solved, 0.0, 0.0, tolerance, own.iterations, tolerance)
     if problem.missing:
         return NEEDS_STRONGER_SOLVER
     if contacts.number > 0:
         tally[at.SOLVES] += 1.0
         tally[at.ITERATIONS] += problem.iterations
         tally[at.RETRIED_SOLVES] += problem.retried
-    if found > tolerance and not state.traits.overdamped:
+    if residual > tolerance and not state.traits.overdamped:
         _project_euclidean(state, own, tolerance)
     if _outruns_reach(bodies, h) and clock.searched < MOST_SEARCHES - 1:
         clock.searched += 1
         tally[at.REPEATED_SEARCHES] += 1.0
         return SEARCH_AGAIN
-    tally[at.GREATEST_RESIDUAL] = max(tally[at.GREATEST_RESIDUAL], found)
-    if found > tolerance or bodies.outrun:
+    tally[at.GREATEST_RESIDUAL] = max(tally[at.GREATEST_RESIDUAL], residual)
+    if residual > tolerance or bodies.outrun:
         tally[at.UNCONVERGED_STEPS] += 1.0
     return OK
 

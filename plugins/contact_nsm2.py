@@ -40,7 +40,7 @@ class Dissipation(Struct):
 
 
 @kernel
-def strike(state: State, own: Dissipation, h: float) -> int:
+def solve_velocities(state: State, own: Dissipation, h: float) -> int:
     """Find the velocities after the percussions; use a finite K_N if there is no solution for an infinite one."""
     bodies, contacts, problem, tally = state.bodies, state.contacts, state.problem, state.tally
     free, solved = bodies.free, bodies.solved
@@ -55,23 +55,23 @@ def strike(state: State, own: Dissipation, h: float) -> int:
     is_elastic = math.isinf(own.normal_dissipation)
     tangential, tolerance, limit = own.tangential_dissipation, own.velocity_tolerance, own.iterations
     enough = math.inf if is_elastic else tolerance
-    found = find_percussions(state, free, solved, own.normal_dissipation, tangential, tolerance, limit, enough)
+    residual = find_percussions(state, free, solved, own.normal_dissipation, tangential, tolerance, limit, enough)
     if contacts.number > 0:
         tally[at.SOLVES] += 1.0
         tally[at.ITERATIONS] += problem.iterations
         tally[at.RETRIED_SOLVES] += problem.retried
-        if is_elastic and found > tolerance:
+        if is_elastic and residual > tolerance:
             for c in range(contacts.number):
                 contacts.percussion[c] = 0.0
                 contacts.friction[c] = 0.0
-            found = find_percussions(state, free, solved, FALLBACK, tangential, tolerance, limit, tolerance)
+            residual = find_percussions(state, free, solved, FALLBACK, tangential, tolerance, limit, tolerance)
             tally[at.ITERATIONS] += problem.iterations
             tally[at.RETRIED_SOLVES] += problem.retried
             tally[at.ELASTIC_FALLBACKS] += 1.0
         if problem.missing:
             return NEEDS_STRONGER_SOLVER
-        tally[at.GREATEST_RESIDUAL] = max(tally[at.GREATEST_RESIDUAL], found)
-        if found > tolerance:
+        tally[at.GREATEST_RESIDUAL] = max(tally[at.GREATEST_RESIDUAL], residual)
+        if residual > tolerance:
             tally[at.UNCONVERGED_STEPS] += 1.0
     if state.clock.reports:
         return _report_reaction(state, own, h)
@@ -117,7 +117,7 @@ class Nsm2(SolvedContactModel):
     """
 
     name = "nsm2"
-    law = strike
+    law = solve_velocities
     reach_share = REACH
     longest_path = 1.0
     reports_percussions = False

@@ -133,14 +133,14 @@ def sweep_back(rows):
 @inner
 def energy_of(rows):
     """Return the energy that the solution minimises: kinetic energy plus the energies of the rows [J]."""
-    found = 0.0
+    energy = 0.0
     for i in range(rows.bodies):
-        found += rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2
-    found *= 0.5
+        energy += rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2
+    energy *= 0.5
     rigid = rows.rigid == 1  # see `law`
     for r in range(rows.size):
-        found += rows.data[r, BIAS] * rows.percussion[r] if rigid else row_energy(rows, r, rows.percussion[r])
-    return found
+        energy += rows.data[r, BIAS] * rows.percussion[r] if rigid else row_energy(rows, r, rows.percussion[r])
+    return energy
 
 
 class GaussSeidel(Solver):

@@ -77,7 +77,7 @@ class Change:
                 wrong = f"{key!r:.80} is {value!r:.80}"
                 raise ValueError(f"values of the {what}: {wrong}; use names, with finite numbers and texts of one line")
         people = values.get("let_through", ())
-        if not (isinstance(people, tuple) and all(type(one) is int and one >= 0 for one in people)):
+        if not (isinstance(people, tuple) and all(type(person) is int and person >= 0 for person in people)):
             raise ValueError(f"values of the {what}: let_through is {people!r:.80}, not a list of people")
         object.__setattr__(self, "time", float(self.time))
         object.__setattr__(self, "values", values)
@@ -107,13 +107,7 @@ class Change:
 
     @classmethod
     def from_row(cls, row: Any) -> "Change":
-        """Return the change that `as_row` has written.
-
-        Raises
-        ------
-        ValueError
-            The row is not such a dictionary.
-        """
+        """Return the change that `as_row` has written; ValueError if the row is not such a dictionary."""
         match row:
             case {"time": float(time), "kind": str(kind), "what": str(what), "values": dict(values)}:
                 return cls(time, kind, what, values)

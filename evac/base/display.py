@@ -164,14 +164,7 @@ def _is_notebook() -> bool:
 def numbers_of(first: "Progress", state: "Progress", wall: float) -> str:
     """Return people out, simulated time, speed relative to real time and the estimated time left as a text.
 
-    The time left is that until ``simulation.duration``, or less if people leave fast enough.
-
-    Parameters
-    ----------
-    first, state : Progress
-        At the start of the measurement and now.
-    wall : float [s]
-        Wall time between them.
+    Speed and time left follow from the progress since `first`, in `wall` [s]; the run may end before its duration.
     """
     speed = (state.time - first.time) / wall if wall > 0 else 0.0
     left = (state.duration - state.time) / speed if speed > 0 else 0.0

@@ -87,7 +87,9 @@ def counted(number: int, singular: str, several: str = "") -> str:
 def in_order(things: Iterable[T], name: Callable[[T], str] = attrgetter("name")) -> list[T]:
     """Return things in the order of their names as people expect it, north 2 before north 10, to list them."""
     words = re.compile(r"(\D*)(\d*)").findall
-    return sorted(things, key=lambda one: [(word, int(digits or 0)) for word, digits in words(name(one).casefold())])
+    return sorted(
+        things, key=lambda thing: [(word, int(digits or 0)) for word, digits in words(name(thing).casefold())]
+    )
 
 
 def quoted_line(text: str, error: str) -> str:
@@ -130,13 +132,7 @@ def text_of(item: object) -> str:
 
 
 def usable_path(given: str | Path, kind: type[EvacError]) -> Path:
-    """Return a path from outside, whose file need not exist, so that later questions about it raise no other errors.
-
-    Raises
-    ------
-    EvacError
-        Of the class `kind`: the path is too long, not text in UTF-8, contains a null character, or is a loop of links.
-    """
+    """Return a path from outside, whose file need not exist; an error of a class if a question about it raises."""
     path = Path(given)
     try:
         str(path.absolute()).encode()
@@ -175,7 +171,7 @@ def _place_of_error(error: BaseException, file: str = "") -> tuple[str, int]:
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith("<")]
     inside = [frame for frame in frames if file and frame.filename == file]
     outside = [frame for frame in frames if not _is_own(frame.filename)]
-    return next(((one.filename, one.lineno or 1) for one in reversed(inside or outside or frames)), ("", 0))
+    return next(((frame.filename, frame.lineno or 1) for frame in reversed(inside or outside or frames)), ("", 0))
 
 
 def _place_of_code(source: Any, attribute: str = "") -> tuple[str, int]:
@@ -204,16 +200,8 @@ def is_foreign(plugin: Any) -> bool:
 def fault(what: str, wrong: str, remedy: str, source: Any, attribute: str = "") -> PluginError:
     """Return the error for a mistake in a plugin, with its file and line, and the advice to check the file.
 
-    Parameters
-    ----------
-    what : str
-        The plugin.
-    wrong, remedy : str
-        What is wrong, and what to change.
-    source : function, kernel, class, object of a plugin class, module, or (str, int)
-        Where the mistake is: code, or file and line.
-    attribute : str
-        Name of the attribute of the class or module that is wrong.
+    The source is code, a module, an object of a plugin class, or file and line; the attribute is that of a class or
+    module.
     """
     file, line = source if isinstance(source, tuple) else _place_of_code(_code_of(source), attribute)
     what = what.replace(file, Path(file).name) if file else what  # the path follows
@@ -232,17 +220,9 @@ def _code_of(plugin: Any) -> Any:
 def plugin_code(what: str, plugin: Any, read_only: str = "") -> Iterator[None]:
     """Run code of a plugin; an exception that is not an EvacError becomes a PluginError with plugin, file and line.
 
-    This includes SystemExit, since no plugin may end the process. A KeyboardInterrupt comes from the user and is
-    passed on. Standard output and standard error are restored if the plugin has replaced them, which is an error too.
-
-    Parameters
-    ----------
-    what : str
-        The plugin and what it does, for the message.
-    plugin : object, class, function, module or Path
-        The plugin, whose file is named if the exception was raised in it or in evac.
-    read_only : str
-        Remedy if the plugin has written to a read-only array.
+    This includes SystemExit, since no plugin may end the process. A KeyboardInterrupt comes from the user and is passed
+    on. Standard output and standard error are restored if the plugin has replaced them, which is an error too.
+    `read_only` is the remedy if the plugin has written to a read-only array.
     """
     streams = sys.stdout, sys.stderr
     try:

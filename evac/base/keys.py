@@ -129,8 +129,8 @@ class Table(BaseModel):
         """Return the table with keys given from Python, where arrays may stand for lists."""
         try:
             return cls.model_validate(with_own_classes(given))
-        except ValidationError as found:
-            first = faults_of(found, cls)[0]
+        except ValidationError as failure:
+            first = faults_of(failure, cls)[0]
             raise error(f"{where}{'.'.join(map(str, first.key))}: {first.text}") from None
 
 
@@ -168,7 +168,7 @@ def faults_of(error: ValidationError, root: type[Table]) -> list[Fault]:
     details_of = error.errors(include_url=False, include_context=True)
     parents = {other["loc"][:length] for other in details_of for length in range(len(other["loc"]))}
     # A list is also reported as too short if items of it are not valid.
-    own = [one for one in details_of[:MOST_FAULTS] if one["type"] != "too_short" or one["loc"] not in parents]
+    own = [each for each in details_of[:MOST_FAULTS] if each["type"] != "too_short" or each["loc"] not in parents]
     return [_fault(details, root) for details in own]
 
 

@@ -91,12 +91,12 @@ def _restored(state: State, key: str, value: Any, owner: Saved, name: str) -> An
     elif value is not None:
         array, allowed = np.asarray(value), owner.bounds().get(name, Bounds())
         shape = array.shape if allowed.shape is None else allowed.shape
-        found = taken(state, key, array.dtype, shape, allowed.least, allowed.most, allowed.nan)
+        saved = taken(state, key, array.dtype, shape, allowed.least, allowed.most, allowed.nan)
         if not isinstance(value, np.ndarray):
-            return type(value)(found[()])
+            return type(value)(saved[()])
         if allowed.shape is not None:
-            return found
-        value[...] = found
+            return saved
+        value[...] = saved
     return value
 
 

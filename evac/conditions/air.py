@@ -30,16 +30,6 @@ SPACING, PERIOD = 1.0, 2.0
 class Air:
     """The conditions of the air in a building; where several sources apply, the last one does.
 
-    Parameters
-    ----------
-    case : Case
-        Its tables `[[conditions]]` name the sources.
-    building : Building
-    heads : dict of str to float
-        Mean height of the heads of each group above the floor [m].
-    needed : tuple of str
-        Quantities that the case asks for.
-
     Attributes
     ----------
     quantities : tuple of str
@@ -55,10 +45,10 @@ class Air:
     def __init__(self, case: "Case", building: Building, heads: dict[str, float], needed: tuple[str, ...]) -> None:
         self._where, self._settings = case.source, case.conditions
         self.sources: list[ConditionSource] = [
-            create("source", case.registry.get("condition_source", one.source), one.parameters)
-            for one in case.conditions
+            create("source", case.registry.get("condition_source", table.source), table.parameters)
+            for table in case.conditions
         ]
-        self.scenes = [SourceScene(building, case.folder, one, heads, needed) for one in case.conditions]
+        self.scenes = [SourceScene(building, case.folder, table, heads, needed) for table in case.conditions]
         self._given: list[frozenset[str]] = []
         self.given: list[set[str]] = [set() for _ in building.levels]
         for index, (source, scene) in enumerate(zip(self.sources, self.scenes, strict=True)):
@@ -96,28 +86,13 @@ class Air:
     def at(
         self, quantities: Sequence[str], time: float, level: IntArray, position: FloatArray, height: FloatArray
     ) -> FloatArray:
-        """Return the values (q, n) of quantities at places; those of clear air where no source applies.
+        """Return the values (q, n) of quantities at places of heights z (n,) [m]; clear air where no source applies.
 
-        Parameters
-        ----------
-        quantities : sequence of str
-        time : float
-            Time of the run [s].
-        level : (n,) int32
-        position : (n, 2) float64 [m]
-        height : (n,) float64 [m]
-            Height z of each place.
-
-        Raises
-        ------
-        ScenarioError
-            The time lies behind the end of a source whose last values do not hold.
-        PluginError
-            A source fails.
+        ScenarioError if the time lies behind the end of a source whose last values do not hold.
         """
-        found = np.empty((len(quantities), len(level)))
+        result = np.empty((len(quantities), len(level)))
         for row, name in enumerate(quantities):
-            found[row] = QUANTITIES[name].clear
+            result[row] = QUANTITIES[name].clear
         places = read_only(level), read_only(position), read_only(height)
         for index, (source, own, given) in enumerate(zip(self.sources, self._settings, self._given, strict=True)):
             rows = [row for row, name in enumerate(quantities) if name in given]
@@ -136,43 +111,31 @@ class Air:
             values = _checked(values, [quantities[row] for row in rows], len(level), source)
             is_known = ~np.isnan(values)
             if is_known.all():
-                found[rows] = values
+                result[rows] = values
             else:
-                found[rows] = np.where(is_known, values, found[rows])
-        return found
+                result[rows] = np.where(is_known, values, result[rows])
+        return result
 
 
-def _checked(found: FloatArray, names: Sequence[str], people: int, source: ConditionSource) -> FloatArray:
+def _checked(values: FloatArray, names: Sequence[str], people: int, source: ConditionSource) -> FloatArray:
     """Return the values (q, n) of a source, which lie in the ranges of quantities or are NaN."""
     what = f"source {source.name!r}: at"
-    if found.shape != (len(names), people):
-        wrong = f"returns values of shape {found.shape}, not {(len(names), people)}"
+    if values.shape != (len(names), people):
+        wrong = f"returns values of shape {values.shape}, not {(len(names), people)}"
         raise fault(what, wrong, "return a row for each quantity, with a value for each place", source, "at")
     ends = np.array([(QUANTITIES[name].least, QUANTITIES[name].most) for name in names]).T
-    low, high = np.fmin.reduce(found, axis=1, initial=np.inf), np.fmax.reduce(found, axis=1, initial=-np.inf)
+    low, high = np.fmin.reduce(values, axis=1, initial=np.inf), np.fmax.reduce(values, axis=1, initial=-np.inf)
     for row in np.flatnonzero((low < ends[0]) | (high > ends[1])).tolist():
         own, wrong = QUANTITIES[names[row]], low[row] if low[row] < ends[0, row] else high[row]
         limits = f"return values from {own.least:g} to {own.most:g} {own.unit}, NaN where it does not apply"
         raise fault(what, f"gives {wrong:g} for {names[row]}", limits, source, "at")
-    return found
+    return values
 
 
 class SmokeField:
-    """The extinction coefficient at the mean height of heads, on square cells of all levels.
+    """The extinction coefficient at the mean height of heads [m], on square cells of all levels.
 
-    Parameters
-    ----------
-    air : Air
-    scene : Scene
-    height : float
-        Mean height of people [m].
-    limits : (k,) float64 [1/m]
-        Extinction coefficients whose first time on each level is kept.
-
-    Attributes
-    ----------
-    first : (k, levels) float64 [s]
-        Time at which each limit was first exceeded somewhere on each level; NaN if it was not.
+    `first` (k, levels) [s] is when each limit (k,) [1/m] was first exceeded somewhere on each level; NaN if it was not.
     """
 
     def __init__(self, air: Air, scene: "Scene", height: float, limits: FloatArray) -> None:
@@ -197,7 +160,7 @@ class SmokeField:
 
     def update(self, time: float) -> None:
         """Write the values at a time of the run [s]."""
-        found = self._air.at((NAME,), time, self._level, self._place, self._heads)[0]
-        self.values[self._cells] = found
-        greatest = np.maximum.reduceat(found, np.searchsorted(self._level, np.arange(self.first.shape[1])))
+        extinction = self._air.at((NAME,), time, self._level, self._place, self._heads)[0]
+        self.values[self._cells] = extinction
+        greatest = np.maximum.reduceat(extinction, np.searchsorted(self._level, np.arange(self.first.shape[1])))
         self.first[np.isnan(self.first) & (greatest > self._limits[:, None])] = time

@@ -37,15 +37,9 @@ Air = Mapping[str, FloatArray]
 
 
 def gas_rate(form: str, activity: str, air: Air) -> FloatArray:
-    """Return the rate (n,) of the fractional effective dose of gases [1/min].
+    """Return the rate (n,) of the fractional effective dose of gases [1/min] by form and activity, unused by "iso".
 
-    Parameters
-    ----------
-    form : {"fds", "sfpe", "iso"}
-    activity : {"rest", "light", "heavy"}
-        Not used by "iso".
-    air : mapping of str to (n,) float64
-        Concentrations, as in `evac.conditions.source`; those that it lacks have no effect.
+    The air has concentrations (n,) by quantity; those that it lacks have no effect.
     """
     nothing = np.zeros_like(next(iter(air.values())))
     volume, limit = ACTIVITY[activity]
@@ -81,11 +75,7 @@ def irritant_concentration(air: Air, scale: Mapping[str, float] = INCAPACITATING
 def heat_rate(form: str, air: Air) -> FloatArray:
     """Return the rate (n,) of the dose of heat [1/min]: of hot air, and of radiation if its flux is known.
 
-    Parameters
-    ----------
-    form : {"clothed", "unclothed", "design"}
-    air : mapping of str to (n,) float64
-        With "temperature" [C], and "radiation" [kW/m2] if it is known.
+    The form is "clothed", "unclothed" or "design"; temperatures (n,) are in C, fluxes in kW/m2.
     """
     hot = np.maximum(air["temperature"], 1.0)
     if form == "clothed":

@@ -78,17 +78,7 @@ def heads_of(case: "Case") -> dict[str, float]:
 
 
 class Exposure(Saved):
-    """The doses of all people, and the share of their speed that smoke leaves them.
-
-    The field of smoke is added to the scene.
-
-    Parameters
-    ----------
-    case : Case
-        One with conditions.
-    scene : Scene
-    crowd : Crowd
-    groups : sequence of Group
+    """The doses of all people, and the share of their speed that smoke leaves them; its field is added to the scene.
 
     Attributes
     ----------
@@ -105,12 +95,6 @@ class Exposure(Saved):
         Time at which each person was stopped [s]; NaN for the others.
     stopped : (n,) bool
         Whether each person has been stopped.
-
-    Raises
-    ------
-    EvacError
-        A source cannot be read, a quantity is needed that no source provides, or none of those on a level, or a plugin
-        fails.
     """
 
     saved = (
@@ -144,14 +128,14 @@ class Exposure(Saved):
     def _thresholds(self, groups: Sequence[Group]) -> FloatArray:
         """Return the dose at which each person stops (n,), from a generator of its own."""
         dose, simulation = self._dose, self._case.simulation
-        found = np.full(len(self.share), np.inf if dose is None else dose.threshold)
+        threshold = np.full(len(self.share), np.inf if dose is None else dose.threshold)
         if dose is not None and dose.susceptibility == "log-normal":
             seed = simulation.seed if simulation.population_seed is None else simulation.population_seed
             for group in groups:
                 names = ("people", group.name, "susceptibility")
                 drawn = [generator_for(seed, *names, str(k)).standard_normal() for k in range(len(group.rows))]
-                found[group.rows] *= np.exp(dose.sigma * np.array(drawn))
-        return found
+                threshold[group.rows] *= np.exp(dose.sigma * np.array(drawn))
+        return threshold
 
     def _check_needed(self) -> None:
         """Refuse levels on which sources provide some quantities, but not all that are needed."""
@@ -180,13 +164,6 @@ class Exposure(Saved):
         """Find the conditions at people's heads, and add the doses since they were last found.
 
         Rates are linear in between, and the time at which a threshold is reached follows from that.
-
-        Parameters
-        ----------
-        time : float
-            Time of the run [s].
-        fields : Fields
-            The current directions: people on stairs go up or down.
         """
         crowd = self._crowd
         if time >= self._shown + PERIOD - AT_ONCE:
@@ -278,7 +255,7 @@ class Exposure(Saved):
         dose, inside = self._dose, self._crowd.level >= 0
         doses = dict(zip(("gas", "heat"), self.doses + self._owed(time), strict=True))
         report: dict[str, Any] = {
-            "sources": [one.source for one in self._case.conditions],
+            "sources": [table.source for table in self._case.conditions],
             "law": self._law.name,
             "quantities": self.quantities,
             "findings": self._findings(),

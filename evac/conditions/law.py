@@ -39,28 +39,21 @@ class SmokeLaw(Configurable, ABC):
 def share_in_smoke(
     law: SmokeLaw, desired: FloatArray, extinction: FloatArray, irritants: FloatArray | None
 ) -> FloatArray:
-    """Return the share (n,) of the desired speeds that smoke and irritant gases leave.
+    """Return the share (n,) of the desired speeds [m/s] that smoke and irritant gases leave.
 
-    The losses are added, and not both counted if the law was measured in irritant smoke.
-
-    Parameters
-    ----------
-    law : SmokeLaw
-    desired : (n,) float64 [m/s]
-    extinction : (n,) float64 [1/m]
-    irritants : (n,) float64, optional
-        Fractional irritant concentrations on the scale of incapacitation.
+    Extinction coefficients are in 1/m, irritants on the scale of incapacitation. The losses are added, and not both
+    counted if the law was measured in irritant smoke.
     """
     with plugin_code(f"law {law.name!r}: speed", law, COPY):
-        found = as_floats(law.speed(read_only(desired), read_only(extinction)))
-    if found.shape != desired.shape or not np.isfinite(found).all():
+        speed = as_floats(law.speed(read_only(desired), read_only(extinction)))
+    if speed.shape != desired.shape or not np.isfinite(speed).all():
         wrong = (
-            f"returns {found.shape} speeds for {desired.shape} people"
-            if found.shape != desired.shape
+            f"returns {speed.shape} speeds for {desired.shape} people"
+            if speed.shape != desired.shape
             else "is not finite"
         )
         raise fault(f"law {law.name!r}: speed", wrong, "return a finite speed for each person", law, "speed")
-    speed = np.clip(found, 0.0, desired)
+    speed = np.clip(speed, 0.0, desired)
     share: FloatArray = np.divide(speed, desired, out=np.ones_like(desired), where=desired > 0.0)
     if irritants is not None and not law.is_irritant:
         share = np.clip(share - (1.0 - share_with_irritants(irritants)), 0.0, 1.0)
@@ -68,14 +61,9 @@ def share_in_smoke(
 
 
 def share_with_irritants(concentration: FloatArray) -> FloatArray:
-    """Return the share (n,) of the speed that irritants leave, after eq. 63.13 of the SFPE Handbook.
+    """Return the share (n,) of the speed that fractional irritant concentrations (n,) leave, after eq. 63.13 of SFPE.
 
-    This curve is a concept: it does not follow from measurements of walking.
-
-    Parameters
-    ----------
-    concentration : (n,) float64
-        Fractional irritant concentration on the scale of incapacitation.
+    This curve of the SFPE Handbook is a concept: it does not follow from measurements of walking.
     """
     share: FloatArray = (np.exp(-((1000.0 * concentration / 160.0) ** 2)) + 0.2 - 0.2 * concentration) / 1.2
     return np.clip(share, 0.0, 1.0)

@@ -32,15 +32,7 @@ TURN_BACK = 100.0
 class RoutesInSmoke(Saved):
     """Has routes solved again when smoke has changed by more than `smoke.noticed` on a level.
 
-    Parameters
-    ----------
-    case : Case
-    air : Air
-    law : SmokeLaw
-        The law that people follow, too.
-    crowd : Crowd
-    stopped : (n,) bool
-        Whom gases or heat have stopped: others walk round them. The owner changes the array.
+    Others walk round people whom gases or heat have stopped, (n,) bool, an array that its owner changes.
     """
 
     saved = ("_counts", "_version")
@@ -63,14 +55,7 @@ class RoutesInSmoke(Saved):
         return tick % self._ticks == 0 or version != self._version
 
     def update(self, now: float, scene: "Scene") -> bool:
-        """Solve the routes again where smoke has changed; return whether any was solved.
-
-        Parameters
-        ----------
-        now : float
-            Time of the run [s].
-        scene : Scene
-        """
+        """Solve the routes again where smoke has changed at a time of the run [s]; return whether any was solved."""
         self._version = scene.version
         began = time.process_time()
         self._find_nodes(scene.building, scene.fields)
@@ -142,12 +127,12 @@ def _widened(fields: Fields, share: FloatArray) -> FloatArray:
     """
     grids = fields.grids[0].grids
     reach = 1 + 2 * (1 + math.ceil(fields.clearance / grids.lattice.spacing))
-    found = share.copy()
+    widened = share.copy()
     for grid in grids.levels:
         sheet, source = grid.sheet.ravel(), grid.source.ravel()
         own, halo = np.flatnonzero(sheet == OWN), np.flatnonzero((sheet != OWN) & (source >= 0))
         there = np.ones(len(sheet))
         there[own], there[halo] = share[grid.offset + own], share[source[halo]]
         least = minimum_filter(there.reshape(grid.window.shape), reach, mode="constant", cval=1.0)
-        found[grid.offset + own] = least.ravel()[own]
-    return found
+        widened[grid.offset + own] = least.ravel()[own]
+    return widened

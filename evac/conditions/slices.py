@@ -87,12 +87,12 @@ class Block:
                 raise ScenarioError(
                     f"{self.path}: t = {self.times[index]:g} s: values are missing, or not finite; run FDS again"
                 )
-            found = values.reshape(self.shape)
+            values = values.reshape(self.shape)
             if self.is_centred:
-                found = found[tuple(slice(min(1, n - 1), None) for n in self.shape)]
+                values = values[tuple(slice(min(1, n - 1), None) for n in self.shape)]
             while len(self._frames) > 1:
                 del self._frames[next(iter(self._frames))]
-            self._frames[index] = np.ascontiguousarray(found)
+            self._frames[index] = np.ascontiguousarray(values)
         return self._frames[index]
 
     def at(self, time: float, nodes: NDArray[np.int64], weights: FloatArray) -> FloatArray:
@@ -129,18 +129,9 @@ def _frame_of(size: int) -> np.dtype[np.void]:
 def read_slices(
     path: Path, quantities: frozenset[str], shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> list[Block]:
-    """Return the planes and volumes of some quantities that a Smokeview file lists.
+    """Return the planes and volumes of some quantities that a Smokeview file lists, shifted by (3,) [m].
 
     Slices along terrain are left out, as are files without a complete time.
-
-    Parameters
-    ----------
-    path : Path
-        The .smv file.
-    quantities : frozenset of str
-        As FDS writes them.
-    shift : (3,) float [m]
-        Added to the coordinates of the files.
     """
     try:
         if _size_of(path) > MOST_BYTES:
@@ -152,15 +143,15 @@ def read_slices(
     for number, line in enumerate(lines):
         if not line.startswith(("SLCF", "SLCC")):
             continue
-        names = [one.strip() for one in lines[number + 1 : number + 5]]
+        names = [line.strip() for line in lines[number + 1 : number + 5]]
         if len(names) < 4:
             raise _damaged(path, number, "the slice has fewer than four lines after it")
         if names[1] not in quantities:
             continue
-        found = _SLICE.match(line)
-        if found is None:
+        match = _SLICE.match(line)
+        if match is None:
             raise _damaged(path, number, f"{line.strip()!r:.80} is not a slice with a mesh and six indices")
-        mesh, bounds = int(found[2]) - 1, np.array(found[3].split(), np.int64).reshape(3, 2)
+        mesh, bounds = int(match[2]) - 1, np.array(match[3].split(), np.int64).reshape(3, 2)
         if mesh not in range(len(nodes)):
             raise _damaged(path, number, f"there is no mesh {mesh + 1}")
         counts = np.array([len(axis) for axis in nodes[mesh]])
@@ -169,7 +160,7 @@ def read_slices(
         file = (path.parent / names[0]).resolve()
         if not file.is_relative_to(path.parent.resolve()):
             raise _damaged(path, number + 1, f"{names[0]!r:.80} is outside of its folder")
-        block = _block_of(file, names[1], nodes[mesh], bounds, found[1] == "C")
+        block = _block_of(file, names[1], nodes[mesh], bounds, match[1] == "C")
         if len(block.times):
             blocks.append(block)
     return blocks
@@ -183,13 +174,13 @@ def _nodes_in(path: Path, lines: list[str]) -> list[tuple[FloatArray, FloatArray
         word = line[:4]
         try:
             if word == "GRID":
-                counts.append([int(one) + 1 for one in lines[number + 1].split()[:3]])
+                counts.append([int(word) + 1 for word in lines[number + 1].split()[:3]])
                 if len(counts[-1]) < 3 or min(counts[-1]) < 2:
                     raise ValueError(f"{lines[number + 1].strip()!r:.80} are not three numbers of cells")
             elif word in axes and line.strip() == word:
                 size = counts[len(axes[word])]["XYZ".index(word[3])]
                 first = number + 2 + int(lines[number + 1])
-                own = np.array([float(one.split()[1]) for one in lines[first : first + size]])
+                own = np.array([float(row.split()[1]) for row in lines[first : first + size]])
                 if len(own) < size or not np.isfinite(own).all() or (np.diff(own) <= 0.0).any():
                     raise ValueError(f"needs {size} coordinates that increase")
                 axes[word].append(own)
@@ -236,7 +227,7 @@ def _times_in(path: Path, bounds: NDArray[np.int64], size: int) -> FloatArray:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}; check the folder of the results") from error
     if not len(head):
         return np.empty(0)
-    lengths = [int(head[f"{part}{k}"][0]) for k in range(3) for part in "ab"] + [int(head[one][0]) for one in "cd"]
+    lengths = [int(head[f"{part}{k}"][0]) for k in range(3) for part in "ab"] + [int(head[part][0]) for part in "cd"]
     if lengths != [30] * 6 + [24] * 2:
         raise ScenarioError(
             f"{path}: does not begin as a slice file of FDS (lengths of records {lengths}); run FDS again"
@@ -251,7 +242,7 @@ def _times_in(path: Path, bounds: NDArray[np.int64], size: int) -> FloatArray:
     times = np.empty(number)
     for first in range(0, number, step):
         part = np.memmap(path, kind, "r", HEADER.itemsize + first * kind.itemsize, (min(step, number - first),))
-        marks = np.stack([part[one] for one in "abcd"])
+        marks = np.stack([part[mark] for mark in "abcd"])
         wrong = (marks != np.array([[4], [4], [4 * size], [4 * size]])).any(axis=0)
         if wrong.any():
             frame = first + int(np.argmax(wrong))

@@ -114,19 +114,19 @@ class SourceScene:
         if self.settings.area is not None:
             area = self.building.area_named(self.settings.area)
             if area is None:
-                hint = did_you_mean(self.settings.area, [one.name for one in self.building.areas])
+                hint = did_you_mean(self.settings.area, [area.name for area in self.building.areas])
                 raise ScenarioError(f"area: there is no area {self.settings.area!r}; {hint}")
             return [area.level]
         if not named:
             return [level.index for level in levels]
-        found = []
+        indices = []
         for name in (named,) if isinstance(named, str) else named:
             own = [level.index for level in levels if name in (level.name, level.stair)]
             if not own:
                 known = [level.name for level in levels] + [level.stair for level in levels if level.stair]
                 raise ScenarioError(f"level: there is no level or stair {name!r}; {did_you_mean(name, known)}")
-            found += own
-        return found
+            indices += own
+        return indices
 
 
 class ConditionSource(Configurable, ABC):

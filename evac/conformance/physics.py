@@ -249,9 +249,9 @@ def _solve(solver: Solver, problem: Problem, tolerance: float, limit: int) -> in
     exact.percussion[:] = problem.percussion
     renew_velocity(exact)
     unit = np.append(exact.inverse_root[: exact.bodies], 1.0)[:, None]  # from scaled velocities to those of people
-    found, velocity = problem.velocity[: len(unit)] * unit, exact.velocity[: len(unit)] * unit
+    stated, velocity = problem.velocity[: len(unit)] * unit, exact.velocity[: len(unit)] * unit
     failure = f"velocities are inconsistent with percussions by {{:.3g}} m/s; change both with push_row {rows}"
-    require_close(found, velocity, LEAST + ROUNDING * float(np.abs(velocity).max()), failure)
+    require_close(stated, velocity, LEAST + ROUNDING * float(np.abs(velocity).max()), failure)
     residual = row_residual(exact)
     wrong = f"reports a residual of {problem.residual:.3g} m/s, which is {residual:.3g}"
     failure = f"{wrong}; set problem.residual = row_residual(problem) {rows}"

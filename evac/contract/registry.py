@@ -116,32 +116,14 @@ class Registry:
             self.add_file(path)
 
     def get(self, kind: str, name: str) -> Any:
-        """Return what is registered as `name`.
-
-        Parameters
-        ----------
-        kind : str
-            ``"contact_model"``, ``"solver"``, ``"force"``, ``"behaviour"``, ``"recorder"``, ``"importer"``,
-            ``"exporter"``, ``"condition_source"``, ``"smoke_law"`` or ``"case"``.
-
-        Raises
-        ------
-        PluginError
-            Nothing of that name is registered; the message names the closest one.
-        """
+        """Return what is registered as `name` of a kind, a key of `RETURNED_BY`; `PluginError` names the closest."""
         table = self._tables[kind]
         if name not in table:
             raise PluginError(f"unknown {kind.replace('_', ' ')} {name!r}; {did_you_mean(name, list(table))}")
         return table[name]
 
     def add_file(self, path: str | Path) -> None:
-        """Register the plugin in a Python file; a file registered before is left alone.
-
-        Raises
-        ------
-        PluginError
-            The file cannot be loaded, breaks the contract, or claims a name that is taken.
-        """
+        """Register the plugin in a Python file; a file registered before is left alone."""
         path = usable_path(path, PluginError).resolve()
         try:
             text = path.read_bytes()
@@ -154,13 +136,7 @@ class Registry:
             self._register(module, provenance)
 
     def add_class(self, cls: type[Any]) -> None:
-        """Register one class of a plugin without its module; one registered before is left alone.
-
-        Raises
-        ------
-        PluginError
-            As `check_class`, or the name is taken.
-        """
+        """Register one class of a plugin without its module; one registered before is left alone."""
         kind = check_class(cls, cls.__module__)
         if self._tables[kind].get(cls.name) is not cls:
             plugin = f"{cls.__module__}.{cls.__qualname__}"
@@ -176,19 +152,7 @@ class Registry:
         return tuple(Path(source.origin) for source in self.provenance if source.source == "file")
 
     def importer_for(self, path: Path, without: Collection[str] = ()) -> "type[Importer]":
-        """Return the importer of a file by the ending of its name; of several, the one registered last.
-
-        Parameters
-        ----------
-        path : Path
-        without : collection of str
-            Names of importers that are switched off.
-
-        Raises
-        ------
-        BuildingError
-            No importer reads such files; the message lists the known endings.
-        """
+        """Return the importer of a file by the ending of its name; of several, the one registered last."""
         used: list[type[Importer]] = [cls for name, cls in self.importers.items() if name not in without]
         for cls in reversed(used):
             if path.name.lower().endswith(cls.suffixes):
@@ -200,48 +164,18 @@ class Registry:
         )
 
     def calls(self, hook: str, **given: Any) -> list[tuple[str, "partial[Any]"]]:
-        """Return a call of a hook for each plugin that has it, so that the caller can handle failures one by one.
-
-        Parameters
-        ----------
-        hook : str
-            Name of the hook.
-        **given
-            All arguments of the hook.
-
-        Returns
-        -------
-        list of (str, partial)
-            Name of the plugin, and its function with its arguments bound; in the order of registration.
-        """
-        found = getattr(self.hook, hook).get_hookimpls()
-        return [(call.plugin_name, partial(call.function, *map(given.__getitem__, call.argnames))) for call in found]
+        """Return name and bound function of each plugin with a hook, so that the caller handles failures one by one."""
+        calls = getattr(self.hook, hook).get_hookimpls()
+        return [(call.plugin_name, partial(call.function, *map(given.__getitem__, call.argnames))) for call in calls]
 
     def call_all(self, hook: str, **given: Any) -> None:
-        """Call a hook of every plugin that has it, the last registered first.
-
-        Parameters
-        ----------
-        hook, **given
-            As for `calls`.
-
-        Raises
-        ------
-        PluginError
-            A plugin fails; names it.
-        """
+        """Call a hook of every plugin that has it, the last registered first; `PluginError` names one that fails."""
         for plugin, call in reversed(self.calls(hook, **given)):
             with plugin_code(f"{plugin}: {hook}", call.func):
                 call()
 
     def providers(self, used: Iterable[Configurable]) -> list[str]:
-        """Return name and version of the plugins that provide some objects, and of those with hooks in every run.
-
-        Parameters
-        ----------
-        used : iterable of Configurable
-            Contact model, forces, behaviours, recorders and importer in use.
-        """
+        """Return name and version of the plugins that provide some objects, and of those with hooks in every run."""
         owners = {self._owners[kind_of(type(plugin)), plugin.name] for plugin in used}
         for hook in RUN_HOOKS:
             owners.update(implementation.plugin_name for implementation in getattr(self.hook, hook).get_hookimpls())
@@ -302,20 +236,17 @@ class Registry:
     def _enter(self, kind: str, name: str, item: Any, plugin: str, origin: Any) -> None:
         """Enter a class or a folder in its table; `origin` is the code of the plugin that provides it."""
         if (kind, name) in self._owners:
-            taken = f"{kind.replace('_', ' ')} {name!r} is provided by {self._owners[kind, name]} already"
-            raise fault(f"plugin {plugin}", taken, "choose another name, or remove one of the plugins", origin)
+            wrong = f"{kind.replace('_', ' ')} {name!r} is provided by {self._owners[kind, name]} already"
+            raise fault(f"plugin {plugin}", wrong, "choose another name, or remove one of the plugins", origin)
         self._owners[kind, name] = plugin
         self._tables[kind][name] = item
 
 
 def built_in(*kinds: str) -> list[str]:
-    """Return the names of the modules of built-in plugins, or of those that provide some kinds, without importing any.
-
-    They are found by the names of files in their package: those of behaviours begin with `behaviour_`.
-    """
+    """Return the modules of built-in plugins, or of those of some kinds, by their files, without importing any."""
     places = importlib.import_module("evac_plugins").__path__
     begin = tuple(KINDS[kind].files if kind in KINDS else kind for kind in kinds) or ("",)
-    return [f"evac_plugins.{found.name}" for found in pkgutil.iter_modules(places) if found.name.startswith(begin)]
+    return [f"evac_plugins.{module.name}" for module in pkgutil.iter_modules(places) if module.name.startswith(begin)]
 
 
 @cache

@@ -32,18 +32,18 @@ def check_module(manager: pluggy.PluginManager, module: ModuleType, plugin: str)
     `plugin` is the name of the plugin for the message, as in all functions of this module.
     """
     what = f"plugin {plugin}"
-    marked = {name: found for name in vars(module) if (found := manager.parse_hookimpl_opts(module, name)) is not None}
+    marked = {name: mark for name in vars(module) if (mark := manager.parse_hookimpl_opts(module, name)) is not None}
     unmarked = [name for name in HOOKS if name not in marked and hasattr(module, name)]
     if not (marked or unmarked or classes_in(module)):
         bases, known = ", ".join(kind.base for kind in KINDS.values()), ", ".join(HOOKS)
         raise fault(what, "defines no plugin", f"derive a class from one of {bases}, or define a hook: {known}", module)
     check_interface(module, plugin)
     for name in unmarked:
-        found = getattr(module, name)
-        if not inspect.isroutine(found):
-            wrong = f"{name} is an object of class {type(found).__name__}, not a hook"
+        value = getattr(module, name)
+        if not inspect.isroutine(value):
+            wrong = f"{name} is an object of class {type(value).__name__}, not a hook"
             raise fault(what, wrong, "define a function that returns it, and decorate it with @hookimpl", module, name)
-        raise fault(what, f"{name} is not marked as a hook", "decorate it with @hookimpl", found)
+        raise fault(what, f"{name} is not marked as a hook", "decorate it with @hookimpl", value)
     for name, options in marked.items():
         function = getattr(module, name)
         if name not in HOOKS:
@@ -134,24 +134,24 @@ def _check_name(kind: str, cls: Any, plugin: str) -> None:
 def _check_methods(kind: str, cls: Any, plugin: str) -> None:
     """Check that a class defines what its kind needs, and that its methods take the arguments that evac gives them."""
     what, name = f"plugin {plugin}", KINDS[kind].base
-    base = next(one for one in cls.__mro__ if (one.__module__, one.__qualname__) == KINDS[kind][:2])
+    base = next(parent for parent in cls.__mro__ if (parent.__module__, parent.__qualname__) == KINDS[kind][:2])
     if missing := sorted(getattr(cls, "__abstractmethods__", ())):
         raise fault(what, f"{cls.__name__} has no {missing[0]}(), which every {name} needs", "add it", cls)
     effects = ("act", "prepare", "routes", "contact_radius")
-    if kind == "behaviour" and all(getattr(cls, one) is getattr(base, one) for one in effects):
+    if kind == "behaviour" and all(getattr(cls, effect) is getattr(base, effect) for effect in effects):
         raise fault(what, f"{cls.__name__} has no effect", "define act(self, crowd, time) or prepare(self, scene)", cls)
     for key, method in vars(base).items():
-        found = getattr(cls, key)
-        if key.startswith("_") or not inspect.isfunction(method) or found is method:
+        redefined = getattr(cls, key)
+        if key.startswith("_") or not inspect.isfunction(method) or redefined is method:
             continue
         given = list(inspect.signature(method).parameters)
         try:
-            own = inspect.signature(found)
+            own = inspect.signature(redefined)
             own.bind(*given)
         except (TypeError, ValueError):
-            shown = f"{key}{own}" if callable(found) else f"{key}, which is not a method"
+            shown = f"{key}{own}" if callable(redefined) else f"{key}, which is not a method"
             wrong, remedy = f"{cls.__name__} defines {shown}", f"define {key}({', '.join(given)})"
-            raise fault(what, wrong, remedy, found if callable(found) else cls, key) from None
+            raise fault(what, wrong, remedy, redefined if callable(redefined) else cls, key) from None
 
 
 def _check_parameter(cls: Any, key: str, parameter: Parameter, plugin: str) -> None:

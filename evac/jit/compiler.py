@@ -109,7 +109,7 @@ class _Context(cpu.CPUContext):  # type: ignore[misc]
             return super().get_function(fn, sig, _firstcall)
         except NotImplementedError:
             known = cpu_target.target_context._defns.items()
-            self._defns.update((key, found) for key, found in known if not self._defns[key].versions)
+            self._defns.update((key, overloads) for key, overloads in known if not self._defns[key].versions)
             return super().get_function(fn, sig, False)
 
     def get_executable(self, library: Any, fndesc: Any, env: Any) -> object:
@@ -217,7 +217,7 @@ def _typeof_kernel(kernel: Kernel, context: Any) -> types.Type:
 
 def compiled_functions() -> list[str]:
     """Return the names of the functions that have been compiled in this process."""
-    return [kernel.label for kernel, one in _dispatchers.items() for _ in one.overloads]
+    return [kernel.label for kernel, compiling in _dispatchers.items() for _ in compiling.overloads]
 
 
 @contextmanager

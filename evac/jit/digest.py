@@ -95,8 +95,8 @@ def _text_of(value: Any, above: tuple[Any, ...] = ()) -> str:
     function = getattr(value, "py_func", value)  # the Python function of a numba dispatcher
     if isinstance(function, FunctionType):
         above = (*above, value)
-        others = [pair for pair in _globals_of(function) if not any(pair[1] is one for one in above)]
-        named = [f"{name} = {_text_of(one, above)}" for name, one in others]
+        others = [pair for pair in _globals_of(function) if not any(pair[1] is referrer for referrer in above)]
+        named = [f"{name} = {_text_of(other, above)}" for name, other in others]
         options = getattr(value, "targetoptions", {})
         return f"{function.__qualname__}: {_code_lines(function)} with {named}, {options}"
     if isinstance(value, np.ndarray):

@@ -247,10 +247,10 @@ def _type_address_call(call: AddressCall) -> types.Type:
         inputs = [context.get_value_type(kind) for kind in kinds]
         outputs = [context.get_value_type(number) for number in numbers]
         output = outputs[0] if len(outputs) == 1 else ir.LiteralStructType(outputs)
-        found = builder.call(builder.inttoptr(args[0], ir.FunctionType(output, inputs).as_pointer()), args[1:])
+        result = builder.call(builder.inttoptr(args[0], ir.FunctionType(output, inputs).as_pointer()), args[1:])
         if len(numbers) == 1:
-            return found
-        return context.make_tuple(builder, returned, [builder.extract_value(found, k) for k in range(len(numbers))])
+            return result
+        return context.make_tuple(builder, returned, [builder.extract_value(result, k) for k in range(len(numbers))])
 
     return _callable(call, lambda args: wanted if len(args) == len(wanted.args) else None, generate)
 
@@ -286,19 +286,19 @@ def _extreme(comparison: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Return typing and lowering of ``max`` (">") and ``min`` ("<"), which treat NaN as Python does."""
 
     def result(args: Any) -> Any:
-        if len(args) < 2 or not all(isinstance(one, types.Integer | types.Float) for one in args):
+        if len(args) < 2 or not all(isinstance(kind, types.Integer | types.Float) for kind in args):
             return None
-        number = types.float64 if any(isinstance(one, types.Float) for one in args) else types.int64
+        number = types.float64 if any(isinstance(kind, types.Float) for kind in args) else types.int64
         return signature(number, *[number] * len(args))
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         extreme = args[0]
-        for one in args[1:]:
+        for value in args[1:]:
             if sig.return_type == types.float64:
-                is_beyond = builder.fcmp_ordered(comparison, one, extreme)
+                is_beyond = builder.fcmp_ordered(comparison, value, extreme)
             else:
-                is_beyond = builder.icmp_signed(comparison, one, extreme)
-            extreme = builder.select(is_beyond, one, extreme)
+                is_beyond = builder.icmp_signed(comparison, value, extreme)
+            extreme = builder.select(is_beyond, value, extreme)
         return extreme
 
     return result, generate

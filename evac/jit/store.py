@@ -22,9 +22,6 @@ from evac.base.errors import CacheWarning
 #: First bytes of a file.
 _MAGIC = b"evac kernel 1\n"
 
-#: Number of files kept for one kernel; the most recently used ones are kept.
-KEPT = 8
-
 #: Age since the last use after which files are removed [s].
 UNUSED = 90 * 86400.0
 
@@ -104,7 +101,7 @@ class Store:
         return None
 
     def write(self, name: str, digest: str, code: bytes) -> None:
-        """Store object code and remove older files of the same kernel."""
+        """Store object code."""
         self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         problem = exposure(self.folder)
         if problem:
@@ -118,8 +115,6 @@ class Store:
             with suppress(OSError):
                 os.unlink(temporary)
             raise
-        same = [path for path in self._files(f"{name}-*.kernel") if len(path.stem) == len(name) + 21]
-        _remove(sorted(same, key=_age)[KEPT:])
 
     def entries(self) -> list[Path]:
         """Return the files of all kernels; none if the folder cannot be read."""

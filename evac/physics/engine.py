@@ -86,17 +86,8 @@ class Engine(Protocol):
     ) -> list[Entry]:
         """Return the kernels that a run is known to need, which are compiled together before it; none by default.
 
-        Parameters
-        ----------
-        model : ContactModel
-        forces : sequence of Force
-            Forces in use.
-        solvers : mapping of str to type
-            Registered solvers by name.
-        backed : (levels,) uint8
-            Levels with walls behind an exit, see `evac.physics.world.walls_behind_exits`.
-        full : bool
-            Whether to include parts that the scene does not need.
+        Levels that have walls behind an exit are those of `walls_behind_exits`; `full` includes what the scene does not
+        need.
         """
         return []
 

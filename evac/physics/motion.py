@@ -141,14 +141,14 @@ def add_contact_work(bodies, contacts, tally):
     It is P (w+ + w-)/2 per contact along the normal and likewise along the tangent. With the driving work of `move`,
     the sum is the change of kinetic energy, up to rounding.
     """
-    taken, given = tally[at.CONTACT_DISSIPATION], tally[at.CONTACT_CREATION]
+    dissipated, created = tally[at.CONTACT_DISSIPATION], tally[at.CONTACT_CREATION]
     for c in range(contacts.number):
         before_and_after = contacts.velocity_before[c] + normal_velocity(bodies.solved, contacts, c)
         work = 0.5 * contacts.percussion[c] * before_and_after
         if contacts.sticky[c]:
             slide = contacts.slide_before[c] + tangential_velocity(bodies.solved, contacts, c)
             work += 0.5 * contacts.friction[c] * slide
-        taken -= min(work, 0.0)
-        given += max(work, 0.0)
-    tally[at.CONTACT_DISSIPATION] = taken
-    tally[at.CONTACT_CREATION] = given
+        dissipated -= min(work, 0.0)
+        created += max(work, 0.0)
+    tally[at.CONTACT_DISSIPATION] = dissipated
+    tally[at.CONTACT_CREATION] = created

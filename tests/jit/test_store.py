@@ -9,7 +9,7 @@ import pytest
 
 from evac.base.errors import CacheWarning
 from evac.jit import store as stores
-from evac.jit.store import KEPT, UNUSED, Store, cache_root
+from evac.jit.store import UNUSED, Store, cache_root
 
 NAME, DIGEST, CODE = "evac.some.kernel", "0123456789abcdef0123", b"machine code" * 20
 
@@ -69,20 +69,6 @@ def test_a_file_under_the_name_of_another_kernel_is_not_read(store):
     store.path(NAME, DIGEST).rename(store.path(NAME, other))
     with pytest.warns(CacheWarning):
         assert store.read(NAME, other) is None
-
-
-def test_the_kernels_used_last_are_kept(store):
-    long_ago = time.time() - 7 * 86400.0
-    for k in range(KEPT + 3):
-        digest = f"{k:020x}"
-        store.write(NAME, digest, CODE)
-        os.utime(store.path(NAME, digest), (long_ago + k, long_ago + k))
-        store.read(NAME, f"{0:020x}")  # is used, and so as young as can be
-    store.write(NAME + "s", DIGEST, CODE)
-    kept = {path.stem.rpartition("-")[2] for path in store.entries()}
-    assert len(store.entries()) == KEPT + 1  # that of another name does not count
-    assert {DIGEST, f"{0:020x}", f"{KEPT + 2:020x}"} <= kept
-    assert f"{1:020x}" not in kept
 
 
 def _aged(path, age, content=b""):

@@ -3,12 +3,24 @@
 import numpy as np
 import pytest
 
-from evac.jit import kernel
+from evac.jit import Ints, Pairs, kernel
 from evac.physics.contact.contacts import find_contacts
-from evac.physics.contact.neighbours import build_lists
+from evac.physics.contact.neighbours import build_lists, sort_by_level
 from evac.physics.order import gather
 from evac.physics.seams import reaches
-from evac.physics.state import SKIN, Bodies, Lists, State, World, grown, make_crowd, make_room_for_contacts
+from evac.physics.state import (
+    CELLS_PER_LEVEL,
+    CELLS_PER_PERSON,
+    SKIN,
+    Bodies,
+    Cells,
+    Lists,
+    State,
+    World,
+    grown,
+    make_cells,
+    make_crowd,
+)
 from evac.physics.status import OK
 from evac_plugins.contact_dem import Dem
 from tests.physics.scenes import make_building, make_engine, random_crowd
@@ -163,24 +175,6 @@ def test_contacts_of_bodies_are_those_of_brute_force(seed):
     np.testing.assert_allclose([pair[2] for pair in found], [pair[2] for pair in expected], rtol=0, atol=1e-14)
 
 
-def test_full_lists_grow_and_change_nothing():
-    """Room for one pair, one wall and one contact is enough to start with."""
-    outcomes = []
-    for small in (False, True):
-        crowd = random_crowd(40, (0, 0), (4, 4), seed=2)
-        engine = make_engine(crowd, make_building(walls=[(4, 0, 4, 4), (0, 0, 4, 0), (4, 4, 0, 4)]))
-        if small:
-            engine.state.lists.pair_body, engine.state.lists.wall_item = np.zeros((2, 1), np.int32)
-            make_room_for_contacts(engine.state, 1)
-        for first in range(0, 200, 10):
-            engine.advance(Dem(), crowd, first, 10, 0.01, True, False)
-        outcomes.append(crowd.position)
-        report = engine.report()
-        assert report["contacts"] > 100
-        assert report["list_builds"] < report["steps"]
-    np.testing.assert_array_equal(outcomes[0], outcomes[1])
-
-
 def test_the_same_people_in_another_order_move_alike():
     crowd = random_crowd(30, (0, 0), (4, 4), seed=2)
     shuffle = np.random.default_rng(1).permutation(30)
@@ -191,3 +185,40 @@ def test_the_same_people_in_another_order_move_alike():
         for first in range(0, 100, 10):
             engine.advance(Dem(), people, first, 10, 0.01, True, False)
     np.testing.assert_array_equal(other.position, crowd.position[shuffle])
+
+
+@kernel
+def sort(cells: Cells, position: Pairs, level: Ints) -> None:
+    sort_by_level(cells, level.shape[0], position, level, 1.0)
+
+
+def sorted_by_level(position, level, levels):
+    """Return the cells, and the people in each that has any, by level, column and row."""
+    cells = make_cells(len(level), levels)
+    sort(cells, np.array(position, dtype=float), np.array(level, np.int32))
+    found = {}
+    for at in range(levels):
+        for k in range(cells.columns[at] * cells.rows[at]):
+            people = cells.slots[cells.start[cells.first[at] + k] : cells.start[cells.first[at] + k + 1]].tolist()
+            if people:
+                found[at, k // int(cells.rows[at]), k % int(cells.rows[at])] = people
+    return cells, found
+
+
+def test_each_level_has_cells_of_its_own():
+    position = [[5.5, -1.5], [3.5, -1.5], [5.5, 0.5], [9.5, 9.5], [5.2, -1.1], [-7.5, 2.5]]
+    cells, found = sorted_by_level(position, [0, 2, 0, -1, 0, 2], 3)
+    assert found == {(0, 0, 0): [0, 4], (0, 0, 2): [2], (2, 0, 4): [5], (2, 11, 0): [1]}
+    assert cells.cell_of[3] == -1
+    assert (cells.columns * cells.rows).tolist() == [3, 0, 60]
+    assert not cells.wraps.any()
+
+
+@pytest.mark.parametrize("far", [(5000.5, 4000.5), (5000.5, 0.5), (0.5, -4000.5)])
+def test_one_person_far_away_leaves_the_others_their_cells(far):
+    place = np.array([(x, y) for x in range(20) for y in range(20)]) + 0.5
+    cells, found = sorted_by_level([*place, far], [0] * 401, 1)
+    assert cells.wraps[0]
+    assert cells.columns[0] * cells.rows[0] <= 401 * CELLS_PER_PERSON + CELLS_PER_LEVEL
+    assert min(cells.columns[0], cells.rows[0]) >= 3
+    assert max(map(len, found.values())) <= 2

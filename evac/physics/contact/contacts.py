@@ -40,7 +40,7 @@ def _near_walls(state, i):
     Columns are distance, nx, ny, wall, px and py, with the normal from the nearest point p of the wall to the body.
     """
     world, bodies, lists, near = state.world, state.bodies, state.lists, state.contacts.near
-    found = 0
+    number = 0
     level = bodies.level[i]
     x, y = bodies.position[i, 0], bodies.position[i, 1]
     limit = greatest_extent(bodies, i) + bodies.reach[i]
@@ -57,9 +57,9 @@ def _near_walls(state, i):
         nearest = min(nearest, distance)
         if distance > limit:
             continue
-        if found == near.shape[0]:
+        if number == near.shape[0]:
             return -1
-        place = found
+        place = number
         while place > 0 and near[place - 1, 0] > distance:
             for k in range(6):
                 near[place, k] = near[place - 1, k]
@@ -71,9 +71,9 @@ def _near_walls(state, i):
         near[place, 3] = w
         near[place, 4] = px
         near[place, 5] = py
-        found += 1
+        number += 1
     bodies.wall_distance[i] = nearest
-    return found
+    return number
 
 
 @inner
@@ -104,10 +104,10 @@ def _is_implied(world, near, k, kept):
 
 
 @inner
-def _first_kept(near, kept, found):
+def _first_kept(near, kept, number):
     """Return the row of `near` with the smallest index of a wall among those whose bits are set in `kept`."""
     best = -1
-    for q in range(found):
+    for q in range(number):
         if kept & (1 << q) and (best < 0 or near[q, 3] < near[best, 3]):
             best = q
     return best
@@ -131,15 +131,15 @@ def find_contacts(state):
         x, y = bodies.position[i, 0], bodies.position[i, 1]
         bodies.wall_distance[i] = 1e300
         if lists.wall_start[i + 1] > lists.wall_start[i]:
-            found = _near_walls(state, i)
-            if found < 0:
+            number = _near_walls(state, i)
+            if number < 0:
                 return NEAR_WALLS_FULL
             kept = 0
-            for k in range(found):
+            for k in range(number):
                 if not _is_implied(world, near, k, kept):
                     kept |= 1 << k
             while kept:
-                k = _first_kept(near, kept, found)
+                k = _first_kept(near, kept, number)
                 kept &= ~(1 << k)
                 if used == capacity:
                     return CONTACTS_FULL
@@ -165,7 +165,7 @@ def find_contacts(state):
 
 
 @inner
-def _pick_near(bodies, lists, found, i):
+def _pick_near(bodies, lists, near, i):
     """Pick the bodies listed for body i that are within both reaches; return their number.
 
     Each body is written, and counted only if it is near: a branch that depends on positions is often mispredicted.
@@ -176,7 +176,7 @@ def _pick_near(bodies, lists, found, i):
         j = lists.pair_body[slot]
         dx, dy = x - bodies.position[j, 0], y - bodies.position[j, 1]
         limit = r + greatest_extent(bodies, j) + bodies.reach[j]
-        found[picked] = j
+        near[picked] = j
         picked += (dx * dx + dy * dy <= limit * limit) & (bodies.level[j] >= 0)
     return picked
 

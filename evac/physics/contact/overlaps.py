@@ -69,10 +69,10 @@ def separate(state: State, is_solve: int) -> int:
     enough = 0.5 * contacts.deepest
     tolerance = 0.1 * contacts.separation_tolerance
     limit = contacts.separation_iterations
-    found = find_percussions(state, bodies.spare, bodies.solved, 0.0, 0.0, tolerance, limit, enough)
+    residual = find_percussions(state, bodies.spare, bodies.solved, 0.0, 0.0, tolerance, limit, enough)
     if state.problem.missing:
         return NEEDS_STRONGER_SOLVER
-    if found <= enough:
+    if residual <= enough:
         tally[at.POSITION_CORRECTIONS] += 1.0
         return _displace(state)
     contacts.separation_failed = 1  # no further attempt before the next tick

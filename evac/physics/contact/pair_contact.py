@@ -224,14 +224,7 @@ class PairContact(ContactModel):
             cls.law = law_of(cls.pair, f"{cls.__module__}:{cls.__qualname__}.law")
 
     def check_pair(self) -> None:
-        """Check that the law of this model is the one that has been compiled with its function.
-
-        Raises
-        ------
-        PluginError
-            `pair` is missing or of another signature, it reads a parameter that does not exist, it has been replaced,
-            or the class names a law of its own; or the parameters are not finite.
-        """
+        """Check that the law of this model is the one that has been compiled with its function, and what that reads."""
         what = f"contact model {self.name!r}"
         has_friction = isinstance(self.pair, Entry) and _has_friction(self.pair)
         call = call_pair_friction if has_friction else call_pair_contact
@@ -252,15 +245,7 @@ class PairContact(ContactModel):
         return np.array(list(self.values().values()), dtype=np.float64)
 
     def check_scene(self, scene: BorderScene) -> None:
-        """Refuse a law that attracts bodies or is not finite, and steps that are too long for explicit driving.
-
-        Raises
-        ------
-        ScenarioError
-            The step is too long.
-        PluginError
-            The law attracts bodies, or is not finite.
-        """
+        """Refuse a law that attracts bodies or is not finite, and steps that are too long for explicit driving."""
         super().check_scene(scene)
         self._check_sign(scene)
 
@@ -276,13 +261,7 @@ class PairContact(ContactModel):
     def forces(
         self, gap: float, closing: float, mass: float, packed: FloatArray, slide: float = 0.0, elapsed: float = 0.0
     ) -> tuple[float, float]:
-        """Return the forces along normal and tangent [N] that the function returns in Python, without a past.
-
-        Raises
-        ------
-        PluginError
-            One of them is not a finite number; names the function and its arguments.
-        """
+        """Return the forces along normal and tangent [N] that the function returns in Python, without a past."""
         what, remedy = f"contact model {self.name!r}", "return a finite number for every gap that is negative or zero"
         called = f"for the gap {gap:.3g} m, the closing speed {closing:.3g} m/s and the reduced mass {mass:.3g} kg"
         if _has_friction(self.pair):

@@ -40,19 +40,9 @@ APART = 8
 def find_percussions(state, free, velocity, normal, tangential, tolerance, limit, enough):
     """Solve the contact problem from the percussions in the contacts; return the residual [m/s].
 
-    If the residual exceeds `enough` [m/s], the problem is solved again by a stronger solver without warm start; if
-    that solver is not loaded, ``problem.missing`` is set to 1.
-
-    Parameters
-    ----------
-    free, velocity : (n, 2)
-        Free velocity V, and the resulting velocity [m/s].
-    normal, tangential : float
-        K_N and K_T [kg]; both are 0 for rigid contacts.
-    tolerance : float
-        Tolerance of the residual [m/s].
-    limit : int
-        Maximum number of iterations.
+    With the free velocity (n, 2) V, K_N and K_T [kg], both 0 for rigid contacts, and the limit of iterations. If the
+    residual exceeds `enough` [m/s], the problem is solved again by a stronger solver without warm start; if that solver
+    is not loaded, ``problem.missing`` is set to 1.
     """
     problem, contacts = state.problem, state.contacts
     problem.missing = 0
@@ -103,15 +93,15 @@ def _check_solution(state, tolerance):
     problem = state.problem
     stated = problem.residual
     renew_velocity(problem)
-    found = row_residual(problem)
+    residual = row_residual(problem)
     total = 0.0
     for r in range(problem.size):
         total += problem.percussion[r]
     if not math.isfinite(total):
-        found = math.inf
-    if not found <= stated * (1.0 + SHARE):  # a stated residual may also be NaN
-        problem.residual = found
-        if found > tolerance:
+        residual = math.inf
+    if not residual <= stated * (1.0 + SHARE):  # a stated residual may also be NaN
+        problem.residual = residual
+        if residual > tolerance:
             state.tally[at.FAILED_SOLVES] += 1.0
 
 
