@@ -8,8 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from evac.analysis.grid import Grid
-from evac.analysis.maps import KERNEL_RADIUS, SPACING
+from evac.analysis.maps import KERNEL_RADIUS, SPACING, Grid
 from evac.analysis.measures import records
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
@@ -24,60 +23,29 @@ SHARE = 0.1
 
 @dataclass(frozen=True)
 class CongestedPlace:
-    """A connected part of a level that was congested.
-
-    Attributes
-    ----------
-    level : str
-    near : str
-        Name of the nearest portal or exit of the level, empty if it has none.
-    x, y : float [m]
-        Centre of the cells in which the threshold was exceeded longest.
-    area : float [m2]
-        Area of the cells in which the threshold was exceeded for longer than the least time.
-    density : float [1/m2]
-        Greatest density in these cells.
-    start, end : float [s]
-        First and last recorded time at which the threshold was exceeded in one of these cells.
-    duration : float [s]
-        Greatest total time for which it was exceeded in one cell.
-    longest_spell : float [s]
-        Greatest uninterrupted time for which it was exceeded in one cell.
-    """
+    """A connected part of a level that was congested."""
 
     level: str
-    near: str
-    x: float
+    near: str  # name of the nearest portal or exit of the level, empty if it has none
+    x: float  # centre of the cells in which the threshold was exceeded longest [m]
     y: float
-    area: float
-    density: float
-    start: float
-    end: float
-    duration: float
-    longest_spell: float
+    area: float  # area of the cells in which the threshold was exceeded for longer than the least time [m2]
+    density: float  # greatest density in these cells [1/m2]
+    start: float  # first recorded time at which the threshold was exceeded in one of these cells [s]
+    end: float  # the last one [s]
+    duration: float  # greatest total time for which it was exceeded in one cell [s]
+    longest_spell: float  # greatest uninterrupted time for which it was exceeded in one cell [s]
 
 
 @dataclass(frozen=True)
 class Congestion:
-    """Congested places of a run, and the criteria.
+    """Congested places of a run, and the criteria."""
 
-    Attributes
-    ----------
-    density : float [1/m2]
-    least_time : float [s]
-    places : tuple of CongestedPlace
-        Sorted by duration, the longest first.
-    longest : float [s]
-        Greatest total time for which the threshold was exceeded in any cell; 0 if it never was.
-    greatest_density : float [1/m2]
-        Greatest density at any recorded time.
-    """
-
-    density: float
-    least_time: float
-    places: tuple[CongestedPlace, ...]
-    longest: float
-    greatest_density: float
+    density: float  # [1/m2]
+    least_time: float  # [s]
+    places: tuple[CongestedPlace, ...]  # sorted by duration, the longest first
+    longest: float  # greatest total time for which the threshold was exceeded in any cell; 0 if it never was [s]
+    greatest_density: float  # greatest density at any recorded time [1/m2]
 
 
 def find_congestion(
@@ -114,14 +82,7 @@ def find_congestion(
 
 
 class Exceedance:
-    """Where densities exceed a threshold: `add` may watch the densities of `evac.analysis.maps.level_maps`.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-    density : float [1/m2]
-    spacing : float [m]
-    """
+    """Where densities exceed a threshold: `add` may watch the densities of `evac.analysis.maps.level_maps`."""
 
     def __init__(self, trajectory: Trajectory, density: float = DENSITY, spacing: float = SPACING) -> None:
         if not 0.0 < density < math.inf:
@@ -143,13 +104,13 @@ class Exceedance:
         if least_time is None:
             least_time = SHARE * float(self._time[-1] - self._time[0])
         both = list(zip(self._building.levels, self._levels, strict=True))
-        places = [place for level, one in both for place in one.places(self._building, level, least_time)]
+        places = [place for level, exceeding in both for place in exceeding.places(self._building, level, least_time)]
         return Congestion(
             density=self._density,
             least_time=least_time,
             places=tuple(sorted(places, key=lambda place: -place.duration)),
-            longest=max(float(one.total.max()) for one in self._levels),
-            greatest_density=max(float(one.greatest.max()) for one in self._levels),
+            longest=max(float(exceeding.total.max()) for exceeding in self._levels),
+            greatest_density=max(float(exceeding.greatest.max()) for exceeding in self._levels),
         )
 
 

@@ -39,65 +39,34 @@ STAIRS = 1.16
 
 @dataclass(frozen=True)
 class DesignFlow:
-    """An exit, a door or a stair with its flow in a run and the hydraulic values.
+    """An exit, a door or a stair with its flow in a run and the hydraulic values."""
 
-    Attributes
-    ----------
-    kind : str
-        ``"exit"``, ``"door"`` or ``"stair"``.
-    name : str
-    width : float [m]
-        Clear width.
-    people : int
-        People who passed in the direction of most of them.
-    flow : float or None [1/s]
-        Flow of the run between the first and the last fifth of them.
-    effective_width : float [m]
-        Clear width without the boundary layers.
-    hydraulic_flow : float [1/s]
-        Greatest flow of the SFPE Handbook: 0 if nothing is left of the width.
-    laboratory_flow : float or None [1/s]
-        Greatest flow of laboratories through a door of this width; None for stairs.
-    capacity : int
-        Number of people that NFPA 101 permits for this width.
-    hydraulic_time : float [s]
-        Evacuation time if this place decides it: when the first person passed, the number of people over the hydraulic
-        flow, and the shortest way out from there.
-    """
-
-    kind: str
+    kind: str  # ``"exit"``, ``"door"`` or ``"stair"``
     name: str
-    width: float
-    people: int
-    flow: float | None
-    effective_width: float
-    hydraulic_flow: float
-    laboratory_flow: float | None
-    capacity: int
+    width: float  # clear width [m]
+    people: int  # people who passed in the direction of most of them
+    flow: float | None  # flow of the run between the first and the last fifth of them [1/s]
+    effective_width: float  # clear width without the boundary layers [m]
+    hydraulic_flow: float  # greatest flow of the SFPE Handbook: 0 if nothing is left of the width [1/s]
+    laboratory_flow: float | None  # greatest flow of laboratories through a door of this width; None for stairs [1/s]
+    capacity: int  # number of people that NFPA 101 permits for this width
+    # evacuation time if this place decides it: when the first person passed, the number of people over the hydraulic
+    # flow, and the shortest way out from there [s]
     hydraulic_time: float
 
 
 def design_flows(building: Building, flows: Iterable[LineFlow], exit_time: FloatArray) -> list[DesignFlow]:
-    """Return the exits, doors and stairs of a run with their hydraulic values; of stairs, the end with most people.
-
-    Parameters
-    ----------
-    building : Building
-    flows : iterable of LineFlow
-        `Results.flows`.
-    exit_time : (n,) float64 [s]
-        NaN of people who are not out.
-    """
-    found = [one for line in flows for one in _of_line(building, line, exit_time)]
-    found = in_order(sorted(found, key=lambda one: -one.people))
-    found.sort(key=lambda one: ("exit", "door", "stair").index(one.kind))
-    return [next(same) for _, same in groupby(found, key=lambda one: (one.kind, one.name))]
+    """Return the exits, doors and stairs of a run with their hydraulic values; of stairs, the end with most people."""
+    design = [flow for line in flows for flow in _of_line(building, line, exit_time)]
+    design = in_order(sorted(design, key=lambda flow: -flow.people))
+    design.sort(key=lambda flow: ("exit", "door", "stair").index(flow.kind))
+    return [next(same) for _, same in groupby(design, key=lambda flow: (flow.kind, flow.name))]
 
 
-def hydraulic_time(found: Iterable[DesignFlow]) -> DesignFlow | None:
+def hydraulic_time(flows: Iterable[DesignFlow]) -> DesignFlow | None:
     """Return the place that decides the hydraulic evacuation time: that with the longest one; None without any."""
-    finite = (one for one in found if math.isfinite(one.hydraulic_time))
-    return max(finite, key=lambda one: one.hydraulic_time, default=None)
+    finite = (flow for flow in flows if math.isfinite(flow.hydraulic_time))
+    return max(finite, key=lambda flow: flow.hydraulic_time, default=None)
 
 
 def stair_k(rise_over_run: float) -> float:

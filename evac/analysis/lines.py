@@ -1,5 +1,6 @@
-"""Passages of people through lines: exits, portals, doors between rooms, and lines of the case."""
+"""Passages of people through exits, portals, doors between rooms and lines of the case, and their flows."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -11,7 +12,6 @@ import shapely
 from numpy.typing import NDArray
 from typing_extensions import TypedDict
 
-from evac.analysis.flows import FEWEST, steady_flow
 from evac.analysis.measures import records
 from evac.analysis.occupancy import Moves
 from evac.base.arrays import FloatArray, IntArray
@@ -21,6 +21,51 @@ from evac.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
     import networkx
+
+
+#: Share of the people who pass before, and of those who pass after, the interval in which a flow counts as steady.
+MARGIN = 0.2
+
+#: Least number of people for a steady flow.
+FEWEST = 20
+
+
+def steady_flow(times: FloatArray) -> float:
+    """Return the flow between the first and the last fifth of those who pass at ascending `times` [s], in 1/s.
+
+    NaN for a single person, and for people who all pass at the same time.
+    """
+    first, last = int(MARGIN * len(times)), int((1.0 - MARGIN) * len(times))
+    if last == first or times[last] == times[first]:
+        return float("nan")
+    return float((last - first) / (times[last] - times[first]))
+
+
+class ExitUse(TypedDict):
+    """Use of an exit [s], [m], [1/s], [1/(m s)]; flows of fewer than `FEWEST` people, or all at one time, are None."""
+
+    people: Count
+    last_out: Amount | None
+    width: Amount
+    flow: Amount | None
+    flow_per_metre: Amount | None
+
+
+def exit_table(building: Building, exit_used: IntArray, exit_time: FloatArray) -> Mapping[str, ExitUse]:
+    """Return the use of each exit, by name; exits (n,) are -1 and times (n,) [s] NaN of people inside."""
+    table = {}
+    for exit_ in building.exits:
+        times = np.sort(exit_time[exit_used == exit_.index])
+        flow = steady_flow(times) if times.size >= FEWEST else math.nan
+        table[exit_.name] = ExitUse(
+            people=times.size,
+            last_out=float(times[-1]) if times.size else None,
+            width=exit_.width,
+            flow=None if math.isnan(flow) else flow,
+            flow_per_metre=None if math.isnan(flow) else flow / exit_.width,
+        )
+    return table
+
 
 #: Time between two rows of a table of flows, over which each flow is a mean [s].
 SPAN = 5.0
@@ -71,7 +116,7 @@ class LineFlow:
     def flow(self) -> float | None:
         """People per second between the first and the last fifth of those who passed [1/s].
 
-        None for fewer people than `evac.analysis.flows.FEWEST`, and for people who all passed at the same time.
+        None for fewer people than `evac.analysis.lines.FEWEST`, and for people who all passed at the same time.
         """
         return _flow_of(self.time)
 
@@ -128,11 +173,7 @@ def link_flows(building: Building, moves: Moves) -> list[LineFlow]:
 def flow_rows(flows: Iterable[LineFlow], end: float) -> Iterator[tuple[Any, ...]]:
     """Yield the rows of flows.csv: time, kind, name, direction, count, flow and specific flow, every `SPAN`.
 
-    Parameters
-    ----------
-    flows : iterable of LineFlow
-    end : float [s]
-        Time of the last row; the flows of this row are those since the row before.
+    The last row is at the time `end` [s]; its flows are those since the row before.
     """
     times = np.append(np.arange(SPAN, end, SPAN), end) if end > 0.0 else np.zeros(0)
     for line in flows:
@@ -212,8 +253,8 @@ def _recorded(trajectory: Trajectory) -> list[LineFlow]:
 
     @cache
     def paths(closed: frozenset[int], source: int) -> dict[int, list[int]]:
-        found: dict[int, list[int]] = networkx.single_source_shortest_path(ways(closed), source)
-        return found
+        shortest: dict[int, list[int]] = networkx.single_source_shortest_path(ways(closed), source)
+        return shortest
 
     for k in range(1, len(trajectory)):
         closed = frozenset.intersection(*(trajectory.building_at(trajectory.time[j]).closed for j in (k - 1, k)))
@@ -281,7 +322,7 @@ def _moved(trajectory: Trajectory) -> Iterator[_Moved]:
         gone = (part.target < 0) & (part.frame < len(time) - 1)
         for index in np.unique(part.level[gone]).tolist():
             left = gone & (part.level == index)
-            segments = [segment.reshape(2, 2) for one in building.exits_of(index) for segment in one.segments]
+            segments = [segment.reshape(2, 2) for exit_ in building.exits_of(index) for segment in exit_.segments]
             if segments:
                 nearest = shapely.shortest_line(shapely.MultiLineString(segments), shapely.points(start[left]))
                 end[left] = shapely.get_coordinates(nearest).reshape(-1, 2, 2)[:, 0]

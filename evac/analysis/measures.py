@@ -2,14 +2,13 @@
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.saved import taken
 from evac.building.model.elevation import gradients, in_space
 from evac.trajectory.trajectory import Trajectory
 
@@ -22,49 +21,21 @@ FORCE_SPAN = 1.0
 #: Number of rows of `Records` above which they are passed on.
 MOST_ROWS = 20_000
 
-#: Largest numbers in a saved state: times [s] and forces [N].
-MOST = 1e12
-
 
 class Measures(NamedTuple):
-    """What is measured of the c people inside at a recorded time, in the order in which they were given.
+    """What is measured of the c people inside at a recorded time, in the order in which they were given."""
 
-    Attributes
-    ----------
-    speed : (c,) float64 [m/s]
-        Displacement in the last tick over its length, on stairs along the slope.
-    started : (c,) bool
-        Whether the response time is over.
-    waits : (c,) float64 [s]
-        Time since the recorded time before, of people who are now slower than the waiting speed and who had started
-        by then; 0 of all others.
-    waited : (c,) float64 [s]
-        Sum of `waits` until now.
-    contact_force : (c,) float64 [N]
-        Mean of the contact forces at the recorded times of the last `FORCE_SPAN`.
-    """
-
-    speed: FloatArray
-    started: NDArray[np.bool_]
+    speed: FloatArray  # (c,): displacement in the last tick over its length, on stairs along the slope [m/s]
+    started: NDArray[np.bool_]  # (c,): whether the response time is over
+    # (c,): time since the recorded time before, of people who are now slower than the waiting speed and who had started
+    # by then; 0 of all others [s]
     waits: FloatArray
-    waited: FloatArray
-    contact_force: FloatArray
+    waited: FloatArray  # (c,): sum of `waits` until now [s]
+    contact_force: FloatArray  # (c,): mean of the contact forces at the recorded times of the last `FORCE_SPAN` [N]
 
 
 class Measuring:
-    """Measures people at one recorded time after the other.
-
-    Parameters
-    ----------
-    people : int
-    waiting_speed : float [m/s]
-        People slower than this wait.
-
-    Attributes
-    ----------
-    waited : (people,) float64 [s]
-        Time for which each person has waited so far.
-    """
+    """Measures people at one recorded time after the other; `waited` (people,) [s] is how long each has waited."""
 
     def __init__(self, people: int, waiting_speed: float = WAITING_SPEED) -> None:
         self.waited: FloatArray = np.zeros(people)
@@ -87,57 +58,22 @@ class Measuring:
         self._forces.append((time, forces))
         while self._forces[0][0] <= time - FORCE_SPAN + 1e-9:
             self._forces.popleft()
-        recent = np.array([one[person] for _, one in self._forces])
+        recent = np.array([forces[person] for _, forces in self._forces])
         mean = np.maximum(recent, 0.0).sum(axis=0) / (recent >= 0.0).sum(axis=0)
         return Measures(speed, started, waits, self.waited[person], mean)
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all data on which the measures of later times depend."""
-        return {
-            "waited": self.waited.copy(),
-            "had_started": self._had_started.copy(),
-            "force_times": np.array([time for time, _ in self._forces]),
-            "forces": np.array([forces for _, forces in self._forces]).reshape(len(self._forces), len(self.waited)),
-        }
-
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned."""
-        people = self.waited.shape
-        self.waited[:] = taken(state, "waited", np.float64, people, 0.0, MOST)
-        self._had_started[:] = taken(state, "had_started", np.bool_, people, False, True)
-        times = taken(state, "force_times", np.float64, (None,), 0.0, MOST)
-        forces = taken(state, "forces", np.float64, (len(times), *people), -1.0, MOST)
-        self._forces = deque(zip(times.tolist(), forces.copy(), strict=True))
-        self._last = float(times[-1]) if times.size else math.inf
-
 
 class Records(NamedTuple):
-    """The people inside at consecutive recorded times, a row for each of them and each time.
+    """The people inside at consecutive recorded times, a row for each of them and each time."""
 
-    Attributes
-    ----------
-    frame : (s,) int64
-        Number of the time among the chosen ones, ascending.
-    person, level : (s,) int32
-    position : (s, 2) float64 [m]
-    after : (s, 2) float64 [m]
-        Position at the next one of the chosen times; NaN of those who are not inside then.
-    target : (s,) int32
-        Level then; -1 of those who are not inside.
-    velocity : (s, 2) float64 [m/s]
-        In plan.
-    speed, started, waits, waited, contact_force
-        As in `Measures`.
-    """
-
-    frame: NDArray[np.int64]
-    person: IntArray
-    level: IntArray
-    position: FloatArray
-    after: FloatArray
-    target: IntArray
-    velocity: FloatArray
-    speed: FloatArray
+    frame: NDArray[np.int64]  # (s,): number of the time among the chosen ones, ascending
+    person: IntArray  # (s,)
+    level: IntArray  # (s,)
+    position: FloatArray  # (s, 2) [m]
+    after: FloatArray  # (s, 2): position at the next one of the chosen times; NaN of those who are not inside then [m]
+    target: IntArray  # (s,): level then; -1 of those who are not inside
+    velocity: FloatArray  # (s, 2): in plan [m/s]
+    speed: FloatArray  # this and the following as in `Measures`
     started: NDArray[np.bool_]
     waits: FloatArray
     waited: FloatArray
@@ -158,12 +94,7 @@ def records(
 ) -> Iterator[Records]:
     """Yield all that is measured of people at recorded times, at some of them together.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-    frames : (f,) int32, optional
-        Numbers of the recorded times to choose, ascending; by default all.
-    waiting_speed : float [m/s]
+    `frames` (f,): numbers of the recorded times to choose, ascending; by default all.
     """
     measuring = Measuring(trajectory.number_of_people, waiting_speed)
     chosen = trajectory.rows if frames is None else [trajectory.rows[k] for k in frames.tolist()]
@@ -177,9 +108,9 @@ def records(
             _, here, there = np.intersect1d(person, later.person, assume_unique=True, return_indices=True)
             after[here] = later.motion[there, :2].astype(np.float64) + trajectory.origin
             target[here] = later.level[there]
-        found = measuring.add(now.time, person, speed, now.started, motion[:, 4])
+        measures = measuring.add(now.time, person, speed, now.started, motion[:, 4])
         frame, place = np.full(len(person), number), motion[:, :2] + trajectory.origin
-        parts.append(Records(frame, person, level, place, after, target, motion[:, 2:4], *found))
+        parts.append(Records(frame, person, level, place, after, target, motion[:, 2:4], *measures))
         count += len(person)
         if count > MOST_ROWS:
             yield joined(parts)

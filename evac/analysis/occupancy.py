@@ -26,28 +26,16 @@ class Occupancy(TypedDict):
 
 @dataclass(frozen=True)
 class Moves:
-    """All changes of level in a run, in order of time.
+    """All changes of level in a run, in order of time."""
 
-    Attributes
-    ----------
-    start : (n,) int32
-        Level on which each person starts.
-    row : (m,) int32
-        Index of the person.
-    source, target : (m,) int32
-        Level that the person left and level that it entered, -1 outside.
-    link : (m,) int32
-        Portal or exit that the person crossed, numbered as in `Building.link_of`; -1 of those who came, and if it is
-        not known.
-    time : (m,) float64 [s]
-    """
-
-    start: IntArray
-    row: IntArray
-    source: IntArray
-    target: IntArray
+    start: IntArray  # (n,): level on which each person starts
+    row: IntArray  # (m,): index of the person
+    source: IntArray  # (m,): level that the person left, -1 outside
+    target: IntArray  # (m,): level that it entered, -1 outside
+    # (m,): portal or exit that the person crossed, numbered as in `Building.link_of`; -1 of those who came, and if it
+    # is not known
     link: IntArray
-    time: FloatArray
+    time: FloatArray  # (m,) [s]
 
     def occupancy(self, levels: Sequence[int]) -> Occupancy:
         """Return the occupancy of the place that consists of `levels`; moves within it do not count."""
@@ -92,20 +80,10 @@ def moves_of(
 ) -> Moves:
     """Return all changes of level of a run.
 
-    Parameters
-    ----------
-    building : Building
-    start_level : (n,) int32
-        Level of each person at time zero, or at the time of arrival; -1 for people who have not come.
-    crossings : tuple of (m,) int32, (m,) int32, (m,) float64 [s]
-        Person, link and time in the order of the log. Links are the portals, then the exits (as in
-        ``evac.physics.state.World``); exits may be missing in the log.
-    exit_time : (n,) float64 [s]
-        NaN for people who are not out.
-    arrival_time : (n,) float64, optional
-        Times at which people came [s], NaN for those who have not; by default all are there from time zero.
-    exit_used : (n,) int32, optional
-        Exit of each person who is out.
+    `start_level` (n,): at time zero, or at the time of arrival; -1 for people who have not come; `crossings`: person,
+    link (as in `Building.link_of`) and time [s] in the order of the log, (m,) each; exits may be missing in it;
+    `exit_time`, `arrival_time` (n,) [s]: NaN for people who are not out or have not come; by default all are there from
+    time zero; `exit_used` (n,): exit of each person who is out.
     """
     level = np.array(start_level, dtype=np.int32)
     portal = crossings[1] < len(building.portals)

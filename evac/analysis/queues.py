@@ -74,10 +74,10 @@ def find_queues(trajectory: Trajectory) -> tuple[Queue, ...]:
     waiting = joined(parts)
     numbers: dict[tuple[str, int], int] = {}
     place, away = np.zeros(len(waiting.frame), np.int64), np.zeros(len(waiting.frame))
-    for one in building.levels:
-        here = np.flatnonzero(waiting.level == one.index)
-        words, nearest, away[here] = _places(building, one, waiting.position[here])
-        keys = [(word, -1 if word.startswith("on stair") else one.index) for word in words]
+    for level in building.levels:
+        here = np.flatnonzero(waiting.level == level.index)
+        words, nearest, away[here] = _places(building, level, waiting.position[here])
+        keys = [(word, -1 if word.startswith("on stair") else level.index) for word in words]
         place[here] = np.array([numbers.setdefault(key, len(numbers)) for key in keys])[nearest]
     queues = []
     for (name, _), number in numbers.items():
@@ -120,11 +120,10 @@ def _places(
         other = portal.other(level.index)
         return f"stair {stair_of[other]!r}" if other in stair_of else f"level {building.levels[other].name!r}"
 
-    links = [(f"before exit {one.name!r}", one.segments) for one in building.exits_of(level.index)]
-    links += [(f"before {beyond(one)}", one.segments) for one in building.portals_of(level.index)]
-    links += [
-        (f"before door {one.name!r}", one.segment.reshape(1, 4)) for one in building.doors if one.level == level.index
-    ]
+    links = [(f"before exit {exit_.name!r}", exit_.segments) for exit_ in building.exits_of(level.index)]
+    links += [(f"before {beyond(portal)}", portal.segments) for portal in building.portals_of(level.index)]
+    doors = [door for door in building.doors if door.level == level.index]
+    links += [(f"before door {door.name!r}", door.segment.reshape(1, 4)) for door in doors]
     if not links:
         return [f"on level {level.name!r}"], np.zeros(len(position), np.int64), 0.0
     points = shapely.points(position)

@@ -1,14 +1,20 @@
-"""The recorded motion as programs for tables and measurements need it: one table, or frames at equal intervals."""
+"""The recorded motion for other programs: one table, frames at equal intervals, and the objects of PedPy."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import IntArray
 from evac.base.errors import ResultError
+from evac.building.model.storeys import level_of
 from evac.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import pedpy
+
 
 #: Columns of the table of motion, and their units; the last two only of runs in which they are recorded.
 MOTION_COLUMNS = {
@@ -55,7 +61,7 @@ def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
     person, names = column("person", np.int32), ["z", "speed", "contact_force", "crowd_pressure"]
     position = np.concatenate([np.zeros((0, 2)), *(frame["position"] for frame in frames)])
     velocity = np.concatenate([np.zeros((0, 3)), *(frame["velocity"] for frame in frames)])
-    found = {
+    table = {
         "time": np.repeat(trajectory.time, [len(frame["person"]) for frame in frames]),
         "person": person,
         "group": groups[trajectory.group[person]],
@@ -65,9 +71,9 @@ def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
         **{name: column(name) for name in names + ["dose"] * trajectory.has_dose},
     }
     if "extinction" in [field.name for field in trajectory.level_fields]:
-        met = [trajectory.field_at_people("extinction", frame) for frame in frames]
-        found["extinction"] = np.concatenate([np.zeros(0), *met])
-    return {name: found[name] for name in MOTION_COLUMNS if name in found}
+        extinction = [trajectory.field_at_people("extinction", frame) for frame in frames]
+        table["extinction"] = np.concatenate([np.zeros(0), *extinction])
+    return {name: table[name] for name in MOTION_COLUMNS if name in table}
 
 
 def regular_frames(trajectory: Trajectory) -> tuple[IntArray, float]:
@@ -96,3 +102,37 @@ def regular_frames(trajectory: Trajectory) -> tuple[IntArray, float]:
             "run the case again"
         )
     return np.flatnonzero(regular).astype(np.int32), float(1.0 / interval)
+
+
+def to_pedpy(trajectory: Trajectory, level: str | int) -> "tuple[pedpy.TrajectoryData, pedpy.WalkableArea]":
+    """Return the motion on one level and its floor as objects of PedPy.
+
+    Returns
+    -------
+    motion : pedpy.TrajectoryData
+        ``id`` is the person's row, ``frame`` counts recorded frames, ``x`` and ``y`` are in plan [m]. Only people on
+        the level are in it; a person who leaves the level and returns has a gap in the frames.
+    area : pedpy.WalkableArea
+        The plan of the level.
+    """
+    try:
+        import pandas as pd
+        import pedpy
+    except ImportError as error:
+        raise ResultError(f"PedPy cannot be imported ({error}); install it with pip install evac[pedpy]") from error
+    shown_level = level_of(trajectory.building, level)
+    frames, frame_rate = regular_frames(trajectory)
+    rows = []
+    for number, k in enumerate(frames.tolist()):
+        frame = trajectory[k]
+        here = frame["level"] == shown_level.index
+        person = frame["person"][here]
+        rows.append(np.column_stack([person, np.full(len(person), number), frame["position"][here]]))
+    table = np.concatenate(rows)
+    if not len(table):
+        raise ResultError(f"{trajectory.path}: nobody was ever on level {shown_level.name!r}; choose another one")
+    data = pd.DataFrame(
+        {"id": table[:, 0].astype(np.int64), "frame": table[:, 1].astype(np.int64), "x": table[:, 2], "y": table[:, 3]}
+    )
+    largest = max(shapely.get_parts(shown_level.polygon), key=lambda part: part.area)
+    return pedpy.TrajectoryData(data=data, frame_rate=frame_rate), pedpy.WalkableArea(largest)

@@ -387,7 +387,9 @@ class OutputSettings(Table):
     )
     tables: Switch = key("whether people.csv, egress.csv, flows.csv and crossings.csv are written", "", True)
     picture: Switch = key("whether the egress curve is drawn to egress.png", "", True)
-    replay: Switch = key("whether replay.html is written, which plays the run in a browser", "", True)
+    replay: Switch = key(
+        "whether replay.html is written, which plays the run in a browser; without `trajectory` there is none", "", True
+    )
     trajectory: Switch = key(
         "whether the motion of people is recorded in trajectory.evac, from which other outputs can be made later",
         "",

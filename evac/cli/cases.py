@@ -26,13 +26,14 @@ def execute_list(arguments: argparse.Namespace) -> int:
     from evac.contract.registry import Registry, built_in
 
     cases = Registry(arguments.plugins, builtins=built_in("case")).cases
-    show_table("Cases", ("name", "title"), [(name, _title(path)) for name, path in cases.items()])
+    show_table("Cases", ("name", "title"), [(name, title_of(path)) for name, path in cases.items()])
     for number, parent in enumerate(dict.fromkeys(path.parent for path in cases.values())):
         show_facts({"" if number else "folders in": parent})
     return 0
 
 
-def _title(folder: Path) -> str:
+def title_of(folder: Path) -> str:
+    """Return the title of the case in a folder."""
     path = folder / "case.toml"
     try:
         return str(tomllib.loads(path.read_text(encoding="utf-8")).get("title", ""))

@@ -274,12 +274,12 @@ def show_building(building: "Building", is_verbose: bool) -> None:
     show_table("Doors between rooms", ("door", "level", "clear width [m]"), doors)
     areas = [(area.name, names[area.level], round(area.polygon.area, 2)) for area in in_order(building.areas)]
     show_table("Areas", ("area", "level", "m2"), areas)
-    places = [(one.name, one.kind, names[one.level], one.area or one.exit, one.use) for one in building.places]
+    places = [(p.name, p.kind, names[p.level], p.area or p.exit, p.use) for p in building.places]
     show_table("Places and lines", ("name", "kind", "level", "area or exit", ""), places)
     stairs = [(name, ", ".join(names[index] for index in levels)) for name, levels in building.stairs.items()]
     show_table("Stairs", ("stair", "levels, from top to bottom"), stairs)
-    found = [(one.kind, one.where, one.text) for one in building.findings if one.kind in ASSUMED]
-    show_table("Assumed, repaired or left out", ("kind", "place", "description"), found)
+    assumed = [(finding.kind, finding.where, finding.text) for finding in building.findings if finding.kind in ASSUMED]
+    show_table("Assumed, repaired or left out", ("kind", "place", "description"), assumed)
 
 
 def show_people(simulation: "Simulation") -> None:
@@ -339,13 +339,13 @@ def show_course(case: "Case") -> None:
     show_table("People who arrive or stay", ("group", "place", ""), rows)
     events = [
         (
-            one.name or "",
-            f"{one.time:g} s" if one.when is None else toml_value(one.when.model_dump(exclude_defaults=True)),
-            one.kind,
-            one.target,
-            "" if one.value is None else toml_value(one.value),
+            event.name or "",
+            f"{event.time:g} s" if event.when is None else toml_value(event.when.model_dump(exclude_defaults=True)),
+            event.kind,
+            event.target,
+            "" if event.value is None else toml_value(event.value),
         )
-        for one in case.event
+        for event in case.event
     ]
     show_table("Events", ("event", "time or condition", "kind", "target", "value"), events)
 
@@ -400,7 +400,7 @@ def execute_conditions(arguments: argparse.Namespace) -> int:
 
     case = case_of(arguments)
     cls = case.registry.get("condition_source", arguments.source)
-    tables = [one for one in case.conditions if one.source == cls.name] or [ConditionSettings(source=cls.name)]
+    tables = [table for table in case.conditions if table.source == cls.name] or [ConditionSettings(source=cls.name)]
     needed = quantities_needed(case, law_of(case))
     scene = SourceScene(make_building(case), case.folder, tables[0], heads_of(case), needed)
     lines = cls(**tables[0].parameters).deck(scene)

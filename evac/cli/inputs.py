@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.cli.messages import note
+from evac.cli.screen import note
 
 if TYPE_CHECKING:
     from evac.case.case import Case

@@ -18,7 +18,7 @@ from typing import NoReturn
 
 from evac.base.errors import EvacError, PluginError, in_one_line, text_of
 from evac.base.parameters import did_you_mean
-from evac.cli.messages import crash_file, lasting, note, refuse_to_leave, shown_warnings, told_loss
+from evac.cli.screen import crash_file, lasting, note, shown_warnings, told_loss
 
 #: Exit status for bad input, for an error in evac itself (EX_SOFTWARE of sysexits.h), and for an interrupt by Ctrl-C.
 BAD_INPUT = 2
@@ -55,9 +55,8 @@ GARBAGE_EVERY = 50_000
 
 
 def program() -> int:
-    """Run `main` as a process of its own, which a closed pipe does not end, nor a plugin as if it had succeeded."""
+    """Run `main` as a process of its own, which a closed pipe does not end."""
     sys.stdout, sys.stderr = output, _ = lasting(sys.stdout), lasting(sys.stderr)
-    refuse_to_leave()
     try:
         status = main()
     except KeyboardInterrupt:  # while another one was told
@@ -118,10 +117,10 @@ def start_fast() -> None:
 def use_shipped_settings() -> None:
     """Have matplotlib draw with the settings that come with it, not those of the current folder or of the user."""
     os.environ["MPLBACKEND"] = "agg"  # pictures are drawn to files; that of a notebook need not be installed here
-    found = find_spec("matplotlib")
-    assert found is not None
-    assert found.origin is not None
-    shipped = Path(found.origin).parent / "mpl-data" / "matplotlibrc"
+    spec = find_spec("matplotlib")
+    assert spec is not None
+    assert spec.origin is not None
+    shipped = Path(spec.origin).parent / "mpl-data" / "matplotlibrc"
     os.environ["MATPLOTLIBRC"] = str(shipped)
     if os.path.exists("matplotlibrc"):  # would be read before that
         with chdir(shipped.parent):

@@ -35,14 +35,14 @@ def show_answer(results: Results, below: int = 1) -> None:
     """
     answer, title = results.answer, results.title or Path(results.source).name
     changes = f"Changes: {', '.join(map(str, results.changes))}" if results.changes else ""
-    told = [changes, *answer.remarks, answer.queue]
-    lines = [title, answer.verdict, answer.times, *answer.exits, *told, answer.movement]
+    notes = [changes, *answer.remarks, answer.queue]
+    lines = [title, answer.verdict, answer.times, *answer.exits, *notes, answer.movement]
     lines.append(f"{answer.warnings}; --verbose shows all" if answer.warnings else "")
     heights = [height(line) for line in lines]
     heights[0] = 1
     first = 3 + len(answer.exits)
-    of_told = range(first, first + len(told))
-    for least, rows in ((1, (len(lines) - 2, *range(first - 1, 2, -1), *of_told, len(lines) - 1)), (0, of_told)):
+    of_notes = range(first, first + len(notes))
+    for least, rows in ((1, (len(lines) - 2, *range(first - 1, 2, -1), *of_notes, len(lines) - 1)), (0, of_notes)):
         for row in rows:
             heights[row] -= max(0, min(heights[row] - least, sum(heights) + below - MOST_LINES))
     for row, (line, most) in enumerate(zip(lines, heights, strict=True)):
@@ -56,7 +56,7 @@ def show_results(results: Results) -> None:
     _show_outcome(summary, results)
     _show_places(summary, results)
     stuck = summary["stuck"]
-    rows = [(one["person"], one["level"], round(one["x"], 2), round(one["y"], 2)) for one in stuck[:MOST_LISTED]]
+    rows = [(own["person"], own["level"], round(own["x"], 2), round(own["y"], 2)) for own in stuck[:MOST_LISTED]]
     more = "" if len(stuck) <= MOST_LISTED else f", the first {MOST_LISTED} of {len(stuck)} (all in summary.json)"
     show_table(f"Without progress at the end{more}", ("person", "level", "x [m]", "y [m]"), rows)
     _show_contact(summary["contact"])

@@ -11,9 +11,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from evac.cli.cases import title_of
 from evac.cli.inputs import declare_plugin
-from evac.cli.messages import note
-from evac.cli.screen import say, show_facts, shown
+from evac.cli.screen import note, say, show_facts, shown
 
 if TYPE_CHECKING:
     from evac.jit import Entry
@@ -45,15 +45,19 @@ def execute_plugins(arguments: argparse.Namespace) -> int:
 
     registry = Registry(arguments.plugins)
     entries = registry.describe()
-    names = [item["name"] for entry in entries for item in entry["provides"]]
+    items = [item for entry in entries for item in entry["provides"]]
+    for item in items:
+        if item["kind"] == "case":  # a path may be wider than the terminal
+            item["doc"] = title_of(registry.cases[item["name"]])
+    names = [item["name"] for item in items]
     if arguments.name is not None and arguments.name not in names:
         hint = did_you_mean(arguments.name, names)
         raise PluginError(f"no plugin is named {arguments.name!r}; {hint}")
     if arguments.name is None and not arguments.verbose:
         for entry in entries:
-            told = f"  ({entry['source']}, {entry['origin']} {entry['version']})"
+            origin = f"  ({entry['source']}, {entry['origin']} {entry['version']})"
             for item in entry["provides"]:
-                doc = item["doc"].partition(". ")[0].rstrip(".") + ("" if entry["origin"] == "built-in" else told)
+                doc = item["doc"].partition(". ")[0].rstrip(".") + ("" if entry["origin"] == "built-in" else origin)
                 say(f"{item['kind'].replace('_', ' ')} {item['name']}: {doc}", 1)
         return 0
     for entry in entries:
@@ -103,9 +107,10 @@ def _show(item: dict[str, Any], plugin: Any) -> None:
     say(f"  {item['kind'].replace('_', ' ')} {item['name']}: {first}", indent=4)
     for line in others:
         say(line, indent=len(line) - len(line.lstrip(" -")))
-    for name, one in item["parameters"].items():
-        allowed = f" ({one['range']})" if one["range"] else ""
-        say(f"    {name} = {shown(one['default'])} {one['unit']}".rstrip() + f"{allowed}: {one['doc']}", indent=8)
+    for name, parameter in item["parameters"].items():
+        allowed = f" ({parameter['range']})" if parameter["range"] else ""
+        value = f"{name} = {shown(parameter['default'])} {parameter['unit']}".rstrip()
+        say(f"    {value}{allowed}: {parameter['doc']}", indent=8)
 
 
 ACTIONS = {

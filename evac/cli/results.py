@@ -14,8 +14,7 @@ from evac.cli.inputs import (
     trajectory_of,
     values_of,
 )
-from evac.cli.messages import note
-from evac.cli.screen import show_table
+from evac.cli.screen import note, show_table
 from evac.folder.files import FILM_NAME, PICTURE_NAME, REPLAY_NAME
 
 
@@ -126,9 +125,9 @@ def execute_render(arguments: argparse.Namespace) -> int:
     Also works during a run and after a run was killed.
     """
     from evac.cli.screen import show_warnings
-    from evac.pictures.camera import Camera
-    from evac.pictures.colouring import LEGEND_GROUPS
     from evac.pictures.render import FILMS, Renderer, number_of_pictures, render_animation, render_picture
+    from evac.pictures.scales import LEGEND_GROUPS
+    from evac.pictures.view import Camera
 
     camera = Camera(arguments.azimuth, arguments.elevation, arguments.stretch, arguments.zoom)
     trajectory = trajectory_of(arguments)
@@ -207,8 +206,7 @@ def execute_report(arguments: argparse.Namespace) -> int:
     from evac.base.errors import ResultError
     from evac.folder.files import REPORT_NAME
     from evac.folder.resultfolder import check_result, find_result
-    from evac.report.bundle import BUNDLE_NAME, write_bundle
-    from evac.report.of_run import run_report
+    from evac.report.of_run import BUNDLE_NAME, run_report, write_bundle
     from evac.report.pages import Labels, write_page
     from evac.report.sections import MAPS, Places
     from evac.report.study import is_study, study_report
@@ -259,19 +257,19 @@ def execute_compare(arguments: argparse.Namespace) -> int:
     folders = [find_result(path) for path in arguments.designs]
     for folder in folders:
         check_result(folder)
-    found = compare(*folders)
-    first, *others = found.designs
+    comparison = compare(*folders)
+    first, *others = comparison.designs
     for design in others:
-        own = [one for one in found.differences if one.design == design.label]
+        own = [change for change in comparison.differences if change.design == design.label]
         rows = []
-        for one in own:
-            times = (fixed(time, 2) for time in (one.before, one.after, one.change.value))
-            rows.append((one.measure, *times, one.change.bounds(), one.verdict))
+        for change in own:
+            times = (fixed(time, 2) for time in (change.before, change.after, change.change.value))
+            rows.append((change.measure, *times, change.change.bounds(), change.verdict))
         columns = ("measure [s]", "first", "design", "difference", "95 % interval", "verdict")
         show_table(f"{design.label}, compared with {first.label}", columns, rows)
-        for remark in dict.fromkeys(one.change.note for one in own if one.change.note):
+        for remark in dict.fromkeys(change.change.note for change in own if change.change.note):
             note(f"evac: {remark}")
     if arguments.out is not None:
-        write_page(found.page(), arguments.out)
+        write_page(comparison.page(), arguments.out)
         print(arguments.out)
     return 0

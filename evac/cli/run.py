@@ -16,7 +16,7 @@ from evac.cli.inputs import (
     default_folder,
     note_unused_plugins,
 )
-from evac.cli.messages import note, notify, wrapped
+from evac.cli.screen import note, notify, wrapped
 
 if TYPE_CHECKING:
     from evac.folder.resultfolder import ResultFolder

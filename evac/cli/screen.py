@@ -1,14 +1,142 @@
-"""Printing of tables, facts and warnings; plain and wide if the output is not a terminal."""
+"""Output of the commands: tables, facts, warnings, notes, and the file with an unexpected traceback."""
 
+import errno
+import io
+import logging
+import os
+import platform
+import shlex
+import shutil
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+import tempfile
+import textwrap
+import traceback
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from importlib.metadata import version
+from typing import Any, TextIO
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from evac.cli.messages import note, wrapped
+from evac.base.errors import EvacWarning, in_one_line
+
+#: Libraries that log warnings to standard error by default.
+LOGGING = ("matplotlib", "imageio", "PIL")
+
+
+class Lasting(io.TextIOWrapper):
+    """A standard stream that a plugin cannot close; once writing has failed, it leads to the null device."""
+
+    failure: OSError | None = None
+
+    def write(self, text: str, /) -> int:
+        """Write a text; return its length."""
+        try:
+            super().write(text)
+        except OSError as error:
+            self._give_up(error)
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush, as far as that is possible."""
+        try:
+            super().flush()
+        except OSError as error:
+            self._give_up(error)
+
+    def close(self) -> None:
+        """Flush only."""
+        self.flush()
+
+    def _give_up(self, error: OSError) -> None:
+        self.failure = self.failure or error
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, self.fileno())
+        os.close(null)
+
+
+def lasting(stream: TextIO | None) -> TextIO:
+    """Return a standard stream as one that lasts; a closed one is the null device."""
+    if not isinstance(stream, io.TextIOWrapper):
+        return stream or open(os.devnull, "w")
+    by_line, encoding = stream.line_buffering, stream.encoding
+    return Lasting(stream.detach(), encoding, errors="backslashreplace", line_buffering=by_line)
+
+
+def told_loss(stream: TextIO) -> bool:
+    """Flush standard output; tell and return whether text was lost, unless its reader closed the pipe."""
+    with suppress(ValueError, AttributeError):  # a plugin may have closed or replaced it
+        stream.flush()
+    failure = getattr(stream, "failure", None)
+    if failure is None or failure.errno == errno.EPIPE:
+        return False
+    note(f"evac: standard output: {failure.strerror}: what was printed is incomplete; files are not affected")
+    return True
+
+
+def wrapped(line: str, stream: TextIO, lines: int | None = None, indent: int = 2) -> str:
+    """Return a line divided between words for the terminal of a stream, cut to so many lines; as it is for others."""
+    if not stream.isatty():
+        return line
+    return textwrap.fill(
+        line,
+        shutil.get_terminal_size().columns,
+        subsequent_indent=" " * indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+        max_lines=lines,
+        placeholder=" ...",
+    )
+
+
+def note(line: str) -> None:
+    """Print a line to standard error, divided between words if that is a terminal."""
+    print(wrapped(line, sys.stderr), file=sys.stderr, flush=True)
+
+
+def notify(line: str) -> None:
+    """Write a line to standard error without buffering, which is safe in signal handlers; failures are ignored."""
+    with suppress(OSError, ValueError, AttributeError):
+        os.write(sys.stderr.fileno(), f"{line}\n".encode())
+
+
+def crash_file(error: BaseException) -> str:
+    """Write traceback, command and versions to a new temporary file; return a sentence that names it."""
+    head = f"{shlex.join(sys.argv)}\nevac {version('evac')}, Python {sys.version}, {platform.platform()}\n\n"
+    try:
+        descriptor, name = tempfile.mkstemp(".txt", "evac-crash-")
+        with open(descriptor, "w", encoding="utf-8", errors="backslashreplace") as file:
+            file.writelines([head, *traceback.format_exception(error)])
+    except OSError as failure:
+        return f"its traceback could not be written: {in_one_line(failure)}"
+    return f"details are in {name}"
+
+
+@contextmanager
+def shown_warnings() -> Iterator[None]:
+    """Show Python warnings of evac and of plugin files in one line, and no others unless PYTHONWARNINGS is set."""
+
+    def show(message: Warning | str, category: type[Warning], filename: str, lineno: int, *more: Any) -> None:
+        from evac.contract.registry import is_plugin_file
+
+        if issubclass(category, EvacWarning):
+            note(f"warning: {message}")
+        elif sys.warnoptions:
+            before(message, category, filename, lineno, *more)
+        elif is_plugin_file(filename):
+            note(f"warning: {filename}, line {lineno}: {category.__name__}: {message}")
+
+    for library in LOGGING:
+        logging.getLogger(library).addHandler(logging.NullHandler())
+    with warnings.catch_warnings():
+        before: Any = warnings.showwarning
+        warnings.showwarning = show  # type: ignore[assignment]
+        yield
+
 
 #: Width of tables written to a file or a pipe.
 PLAIN_WIDTH = 160
@@ -50,7 +178,7 @@ def _widths(cells: Sequence[Sequence[str]], room: int) -> list[int]:
     """Return widths of columns that fit; the widest ones are narrowed first, and words divided only if they must be."""
     widths = [max(map(len, column)) for column in cells]
     longest = [max(map(len, " ".join(column).split()), default=0) for column in cells]
-    most = next((n for n in range(MOST_WIDTH, 1, -1) if sum(min(n, one) for one in longest) <= room), 1)
+    most = next((n for n in range(MOST_WIDTH, 1, -1) if sum(min(n, length) for length in longest) <= room), 1)
     while sum(widths) > room:
         wider = [k for k, width in enumerate(widths) if width > min(most, longest[k])]
         if not wider:

@@ -20,8 +20,7 @@ from evac.cli.inputs import (
     positive,
     with_plugin_files,
 )
-from evac.cli.messages import note
-from evac.cli.screen import show_facts, show_table, show_warnings
+from evac.cli.screen import note, show_facts, show_table, show_warnings
 
 if TYPE_CHECKING:
     from evac.case.case import Case

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.cli.inputs import declare_plugin, declare_set, note_unused_plugins
-from evac.cli.messages import note
-from evac.cli.screen import say
+from evac.cli.screen import note, say
 from evac.evidence import KINDS
 
 if TYPE_CHECKING:
@@ -53,25 +52,25 @@ def execute_verify(arguments: argparse.Namespace) -> int:
     note_unused_plugins(probe(trial))
     from evac.standard.verify import PAGE_NAME, verify
 
-    results = verify(tests, trial, arguments.seed, tell)
+    results = verify(tests, trial, arguments.seed, show_result)
     print(arguments.out / PAGE_NAME)
     groups = {"all", *(standard.lower() for standard in STANDARDS)}
     named = find_tests(name for name in arguments.tests if name.lower() not in groups)
-    wrong = [one for one in results if one.verdict == FAILED or (one.test in named and one.verdict != PASSED)]
+    wrong = [r for r in results if r.verdict == FAILED or (r.test in named and r.verdict != PASSED)]
     return TEST_FAILED if wrong else 0
 
 
-def tell(result: "Result") -> None:
+def show_result(result: "Result") -> None:
     """Print the verdict on a test and its checks."""
     test = result.test
     say(f"{' '.join(test.names)}: {test.title}: {test.why or result.verdict}")
     if result.error:
         say(f"    error: {result.error}", indent=6)
     for check in result.checks:
-        found = "-" if check.mean is None else f"{check.mean:.4g}"
-        met = "met" if check.is_passed else "NOT MET"
+        mean = "-" if check.mean is None else f"{check.mean:.4g}"
+        verdict = "met" if check.is_passed else "NOT MET"
         blocked = f", {check.blocked} of {len(check.values)} runs blocked" if check.blocked else ""
-        say(f"    {check.quantity}: {found} (expected {check.band}){blocked}: {met}", indent=6)
+        say(f"    {check.quantity}: {mean} (expected {check.band}){blocked}: {verdict}", indent=6)
     if test.by_design and not all(check.is_passed for check in result.checks):
         say(f"    fails by design: {test.by_design}", indent=6)
     sys.stdout.flush()

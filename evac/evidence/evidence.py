@@ -191,15 +191,15 @@ class Evidence:
         conditions = self.conditions()
         described = {"title": title[2:], "examined": examined, "verdicts": self._findings, **conditions}
         write_whole(self.folder / "run.json", json.dumps(described, indent=2))
-        told = (
+        text = (
             f"Measured by `{conditions['command']}` in {conditions['wall time [s]']} s: {conditions['machine']}; commit"
             f" {conditions['commit']}, seed {conditions['seed']}; python {conditions['python']},"
             f" {conditions['versions']}; {REFERENCE}: {conditions[REFERENCE]}."
             f" `evac evidence {self.kind} --page-only` writes this page again from the tables beside it."
         )
         if self.quick:
-            told = f"**Quick run: smaller problems and fewer runs than the full one.** {told}"
-        lines = [title, examined, verdict_table(self._findings), told, *self._page]
+            text = f"**Quick run: smaller problems and fewer runs than the full one.** {text}"
+        lines = [title, examined, verdict_table(self._findings), text, *self._page]
         return write_whole(self.folder / "README.md", "\n\n".join(lines))
 
     def conditions(self) -> dict[str, str]:
@@ -208,7 +208,7 @@ class Evidence:
             return self._conditions
         used = [package for package in OPTIONAL_PACKAGES if package in sys.modules]
         versions = ", ".join(f"{package} {_version(package)}" for package in (*PACKAGES, *used))
-        told = (
+        values = (
             f"evac evidence {self.kind}{' --quick' if self.quick else ''}",
             str(self.seed),
             machine(),
@@ -218,7 +218,7 @@ class Evidence:
             f"{1e3 * self._reference:.1f}, {1e3 * reference_time():.1f}",
             f"{time.perf_counter() - self._start:.0f}",
         )
-        return dict(zip(CONDITIONS, told, strict=True))
+        return dict(zip(CONDITIONS, values, strict=True))
 
     def _store(self, name: str, rows: Sequence[Row]) -> None:
         if name not in self._stored:
@@ -235,16 +235,16 @@ class Evidence:
 @cache
 def templates() -> Environment:
     """Return the templates of the pages, in Markdown."""
-    found = Environment(loader=PackageLoader("evac", "evidence"), undefined=StrictUndefined, trim_blocks=True)
-    found.globals["imported"] = import_module
-    found.filters["told"] = lambda value, specification="g": format(value, specification)
-    return found
+    environment = Environment(loader=PackageLoader("evac", "evidence"), undefined=StrictUndefined, trim_blocks=True)
+    environment.globals["imported"] = import_module
+    environment.filters["told"] = lambda value, specification="g": format(value, specification)
+    return environment
 
 
 def paragraphs(text: str) -> list[str]:
     """Return the paragraphs of Markdown, with the lines of each joined except for those of tables."""
-    found = re.split(r"\n\s*\n", text.strip())
-    return [one if one.startswith("|") else " ".join(one.split()) for one in found]
+    parts = re.split(r"\n\s*\n", text.strip())
+    return [part if part.startswith("|") else " ".join(part.split()) for part in parts]
 
 
 def in_fresh_process(function: Callable[..., Result], *arguments: Any) -> Result:
@@ -324,12 +324,12 @@ def machine() -> str:
     clock = ""
     information = Path("/proc/cpuinfo")
     if information.is_file():
-        told: dict[str, str] = {}
+        facts: dict[str, str] = {}
         for line in information.read_text().splitlines():
             key, _, value = line.partition(":")
-            told.setdefault(key.strip(), value.strip())
-        name = told.get("model name", name)
-        clock = f" at {float(told['cpu MHz']):.0f} MHz" if "cpu MHz" in told else ""
+            facts.setdefault(key.strip(), value.strip())
+        name = facts.get("model name", name)
+        clock = f" at {float(facts['cpu MHz']):.0f} MHz" if "cpu MHz" in facts else ""
     return f"{name}{clock}, {cpu_count()} cores, {platform.system()} {platform.machine()}"
 
 

@@ -51,8 +51,8 @@ def within(
 ) -> Finding:
     """Return the row of a reference that must lie in the confidence interval of a measured quantity."""
     verdict = MET if low <= reference <= high else f"{NOT_MET}: {100.0 * (measured / reference - 1.0):+.0f} %"
-    told = f"{_told(measured, unit)} ({low:.4g} to {high:.4g})"
-    return _finding(question, told, f"{_told(reference, unit)} in the interval", verdict, section)
+    text = f"{_told(measured, unit)} ({low:.4g} to {high:.4g})"
+    return _finding(question, text, f"{_told(reference, unit)} in the interval", verdict, section)
 
 
 def reported(question: str, measured: str, reference: str = "-", section: str = "") -> Finding:

@@ -59,16 +59,16 @@ class Exporter(Configurable, ABC):
 def export(trajectory: "Trajectory", exporter: Exporter, path: Path | None = None) -> list[Path]:
     """Write a recorded run with an exporter."""
     place = exporter.place(trajectory) if path is None else path
-    told = f"the {exporter.name} export"
+    what = f"the {exporter.name} export"
     with plugin_code(f"{place}: exporter {exporter.name!r}", exporter, COPY):
-        with writing(told, place):
+        with writing(what, place):
             (place.parent if exporter.suffix else place).mkdir(parents=True, exist_ok=True)
         if exporter.suffix:
-            with replacing(place, told) as new:
+            with replacing(place, what) as new:
                 new.unlink()  # so that it is noticed if the exporter writes no file
                 written = _write(exporter, trajectory, new)
             return [place if path == new else path for path in written]
-        with writing(told, place), draft_in(place) as made:
+        with writing(what, place), draft_in(place) as made:
             written = _write(exporter, trajectory, made)
         return [place / path.relative_to(made) if path.is_relative_to(made) else path for path in written]
 
@@ -77,9 +77,9 @@ def _write(exporter: Exporter, trajectory: "Trajectory", place: Path) -> list[Pa
     """Call an exporter, and return the files that it says it has written, which must exist."""
     written = exporter.write(trajectory, place)
     paths: list[Any] = list(written) if isinstance(written, Iterable) else [written]
-    for one in paths or [None]:
-        if not isinstance(one, Path) or not one.exists():
-            wrong = f"write() returns {one!r}, which is no path of an existing file"
+    for path in paths or [None]:
+        if not isinstance(path, Path) or not path.exists():
+            wrong = f"write() returns {path!r}, which is no path of an existing file"
             remedy = "return the paths of the files that it has written and a user opens"
             raise fault(f"exporter {exporter.name!r}", wrong, remedy, type(exporter).write)
     return paths
@@ -92,13 +92,13 @@ def file_stems(names: Iterable[str]) -> list[str]:
     ['ground', 'flight_z_0.00..1.50', 'Ground_2']
     """
     stems: list[str] = []
-    taken: set[str] = set()
+    used: set[str] = set()
     for name in names:
         plain = re.sub(r"[^\w.-]+", "_", name, flags=re.ASCII).strip("._") or "unnamed"
         stem, number = plain, 1
-        while stem.lower() in taken:  # some file systems do not distinguish upper and lower case
+        while stem.lower() in used:  # some file systems do not distinguish upper and lower case
             number += 1
             stem = f"{plain}_{number}"
-        taken.add(stem.lower())
+        used.add(stem.lower())
         stems.append(stem)
     return stems

@@ -20,7 +20,6 @@ from evac.folder.files import (
     COMPLETE,
     MANIFEST_NAME,
     RUNNING,
-    RUNS_PARQUET_NAME,
     RUNS_STREAM_NAME,
     TEMPORARY,
     mark,
@@ -141,7 +140,7 @@ class ResultFolder:
 
     def _clear(self) -> None:
         """Remove the files of an earlier run in ``RESULT.running``, but not the runs of a stopped study."""
-        if any((self.running / name).is_file() for name in (RUNS_STREAM_NAME, RUNS_PARQUET_NAME)):
+        if (self.running / RUNS_STREAM_NAME).is_file():
             raise ResultError(
                 f"{self.running}: contains the runs of a stopped study; resume it (--resume), choose another folder "
                 "(--out), or remove this one"

@@ -87,11 +87,11 @@ def draw_maps(
     if maps is None:
         maps = level_maps(trajectory, levels)
     any_map = next(iter(maps.values()))
-    said = ", ".join(str(change) for change in trajectory.changes if any_map.start < change.time <= any_map.end)
-    said = textwrap.shorten(f"; {said}", MOST_SAID, placeholder=" ...") if said else ""
+    changes = ", ".join(str(change) for change in trajectory.changes if any_map.start < change.time <= any_map.end)
+    changes = textwrap.shorten(f"; {changes}", MOST_SAID, placeholder=" ...") if changes else ""
     title = f"{trajectory.header.get('title', '')}\n" if has_title else None
     plans = draw_plans(trajectory.building_at(any_map.end), title, levels, dpi=dpi, is_filled=False, greatest=greatest)
-    nearest = {name: _nearest_cells(one) for name, one in maps.items()}
+    nearest = {name: _nearest_cells(own) for name, own in maps.items()}
     lasting = set(_artists(plans))
     for quantity in quantities:
         for artist in set(_artists(plans)) - lasting:
@@ -99,7 +99,7 @@ def draw_maps(
         grids = {name: level_map.array(quantity) for name, level_map in maps.items()}
         what, scale = QUANTITIES[quantity], SCALES[quantity].with_service(service)
         explained = f"; {FLOW_LABELS}" if quantity == "flow" else ""
-        words = f"{what.label} [{what.unit}], {any_map.start:g} to {any_map.end:g} s{explained}{said}"
+        words = f"{what.label} [{what.unit}], {any_map.start:g} to {any_map.end:g} s{explained}{changes}"
         for subtitle in plans.figure.texts[1:2]:
             subtitle.set_text(textwrap.fill(words, round(LETTERS * plans.figure.get_figwidth())))
         _draw_values(plans, grids, maps, nearest, scale)
@@ -138,13 +138,13 @@ def draw_cut(
     axes.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach), aspect="equal")
     axes.set(xticks=[], yticks=[])
     building = trajectory.building_at(next(iter(maps.values())).end)
-    shown = next(levels for _, levels in storeys(building) if level in [one.name for one in levels])
+    shown = next(levels for _, levels in storeys(building) if level in [own.name for own in levels])
     draw_levels(axes, building, shown, is_filled=False, has_widths=False)
     for text in axes.texts:
         text.set(annotation_clip=True, clip_on=True, clip_box=axes.bbox)  # nothing over the colour bar
     plans = Plans(figure, (axes,), (tuple(shown),), (), (left + 0.8 * width, bottom, 0.2 * width, height))
-    nearest = {one.name: _nearest_cells(maps[one.name]) for one in shown}
-    _draw_values(plans, {name: one.array(quantity) for name, one in maps.items()}, maps, nearest, SCALES[quantity])
+    nearest = {own.name: _nearest_cells(maps[own.name]) for own in shown}
+    _draw_values(plans, {name: own.array(quantity) for name, own in maps.items()}, maps, nearest, SCALES[quantity])
 
 
 def draw_difference(
@@ -174,13 +174,13 @@ def draw_difference(
 
 def _aligned(grid: np.ndarray, own: LevelMaps, wanted: LevelMaps) -> np.ndarray:
     """Return a map on the cells of another one with the same spacing; NaN where it has none."""
-    found = np.full(wanted.shape, np.nan)
+    aligned = np.full(wanted.shape, np.nan)
     column, row = np.rint((own.origin - wanted.origin) / own.spacing).astype(int).tolist()
     for y, values in enumerate(grid):
         low, high = max(0, -column), min(len(values), wanted.shape[1] - column)
         if 0 <= y + row < wanted.shape[0] and high > low:
-            found[y + row, low + column : high + column] = values[low:high]
-    return found
+            aligned[y + row, low + column : high + column] = values[low:high]
+    return aligned
 
 
 def write_maps(

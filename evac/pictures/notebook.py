@@ -26,11 +26,11 @@ def results_html(results: "Results") -> str:
     facts = {"simulated": f"{results.time:.1f} s", "contact model": results.report["model"], "seed": results.seed}
     exits = [(name, row["people"], row["last_out"], row["width"], row["flow"]) for name, row in results.exits.items()]
     answer = results.answer
-    told = [line for line in (answer.verdict, answer.times, answer.queue, answer.movement) if line]
+    answers = [line for line in (answer.verdict, answer.times, answer.queue, answer.movement) if line]
     lines = (*results.warnings, *answer.remarks, *results.quality_warnings)
     parts = [
         f"<h4>{escape(results.title or Path(results.source).name)}</h4>",
-        "<p>" + "<br>".join(map(escape, told)) + "</p>",
+        "<p>" + "<br>".join(map(escape, answers)) + "</p>",
         table_html((), facts.items()),
         table_html(("exit", "people", "last out [s]", "width [m]", "flow [1/s]"), in_order(exits, itemgetter(0))),
         "".join(f"<p>&#9888; {escape(line)}</p>" for line in lines),

@@ -119,7 +119,7 @@ def points_figure(
     for k, of_point in enumerate(parameters):
         name = ", ".join(f"{key} = {of_point.get(key)}" for key in keys if key != along) if along else ""
         lines.setdefault(name, []).append(k)
-    middle, greatest = (np.where(np.isfinite(found), found, np.nan) for found in (middle, greatest))  # NaN leaves a gap
+    middle, greatest = (np.where(np.isfinite(times), times, np.nan) for times in (middle, greatest))  # NaN leaves a gap
     for number, (name, members) in enumerate(lines.items()):
         rows = np.array(members)[np.argsort(place[members], kind="stable")]
         value, low, high = middle[rows].T

@@ -16,9 +16,8 @@ from evac.building.model.building import Building, Exit, Level, Place
 from evac.building.model.elevation import on_level, triangles_on
 from evac.building.model.marks import furniture_of, marks_of
 from evac.pictures import palette
-from evac.pictures.camera import Camera, aim
 from evac.pictures.palette import PLACES
-from evac.pictures.view import Label, View
+from evac.pictures.view import Camera, Label, View, aim
 
 WALL_HEIGHT, EXIT_HEIGHT = 0.45, 0.9  # [m], low enough not to hide people
 FLOOR_OPACITY = 0.8  # of floors with storeys below

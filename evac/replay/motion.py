@@ -27,8 +27,6 @@ of ``wide``.
 """
 
 import zlib
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,11 +34,11 @@ from numpy.typing import NDArray
 from evac.analysis.measures import Measuring
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.defaults import CONTRAST
-from evac.base.saved import SavedError, part_of, taken
 from evac.building.model.building import Building, Level
 from evac.building.model.cells import LevelField
 from evac.building.model.elevation import PLANE, elevation
 from evac.pictures.palette import DEPTH
+from evac.trajectory.trajectory import Frame
 
 #: Resolution of positions [m].
 GRAIN = 0.01
@@ -52,16 +50,6 @@ MOMENT, PACE = 0.01, 0.01
 PART, MOST_DOSE = 0.001, 10.0
 
 ESCAPE = 255
-#: Largest numbers in a saved state, so that differences do not overflow.
-MOST_FRAMES = 2**31 - 1
-MOST_CODE = 2**40
-#: Greatest number of bytes of a stream for a frame, and in addition for each person.
-LARGEST_FRAME, LARGEST_RECORD = 21, 33
-#: Arrays that encoding of the next frame depends on.
-_STATE = (
-    *("level", "started", "seen", "last", "before", "speeds", "waited", "forces", "doses", "headings", "smoke"),
-    *("first_level", "first"),
-)
 
 STREAMS = ("times", "events", "steps", "heights", "speeds", "waited", "forces", "doses", "headings", "smoke", "wide")
 
@@ -69,30 +57,21 @@ STREAMS = ("times", "events", "steps", "heights", "speeds", "waited", "forces", 
 class _Stream:
     """A byte stream that is compressed incrementally."""
 
-    def __init__(self, data: bytes = b"") -> None:
+    def __init__(self) -> None:
         # Sequences rarely repeat, but some bytes are much more frequent than others.
         self._compressor = zlib.compressobj(9, strategy=zlib.Z_FILTERED)
         self._ready = bytearray()
-        self.write(data)
 
     def write(self, data: bytes) -> None:
         self._ready += self._compressor.compress(data)
 
     def packed(self) -> bytes:
-        """Return all data written so far, compressed; writing can continue."""
-        return bytes(self._ready) + self._compressor.copy().flush()
+        """Return all data, compressed; nothing can be written then."""
+        return bytes(self._ready) + self._compressor.flush()
 
 
 class MotionPacker:
-    """Encodes and compresses one frame after the other, so that little memory is needed.
-
-    Attributes
-    ----------
-    frames : int
-        Number of frames so far.
-    origin : (2,) float64 [m]
-        Origin of positions in plan.
-    """
+    """Encodes and compresses one frame after the other, with positions in plan relative to `origin` (2,) [m]."""
 
     def __init__(
         self, people: int, building: Building, smoke: LevelField | None = None, contrast: float = CONTRAST
@@ -113,32 +92,18 @@ class MotionPacker:
         self._measuring = Measuring(people)
         self._streams = {name: _Stream() for name in STREAMS}
 
-    def add(
-        self,
-        time: float,
-        person: IntArray,
-        level: IntArray,
-        position: FloatArray,
-        velocity: FloatArray,
-        started: NDArray[np.bool_],
-        contact_force: FloatArray,
-        is_shown: bool = True,
-        dose: FloatArray | None = None,
-        smoke: FloatArray | None = None,
-    ) -> None:
-        """Add a frame with all people who are inside at one time.
+    def add(self, frame: Frame, is_shown: bool = True, has_dose: bool = False, smoke: FloatArray | None = None) -> None:
+        """Add a frame, which is later than the previous one.
 
-        `time` [s]: later than that of the previous frame; `person` (c,): ascending indices; `level` (c,); `position`
-        (c, 2) [m]; `velocity` (c, 3) [m/s]: in space; `started` (c,); `contact_force` (c,) [N]; `is_shown`: otherwise,
-        people are only measured; `dose` (c,): greater ones of the doses of gases and heat, in every frame or in none;
+        `is_shown`: otherwise, people are only measured; `has_dose`: whether there are doses, in every frame or in none;
         `smoke` (m,): values of the field of smoke [1/m].
         """
-        speed = np.linalg.norm(velocity, axis=1)
-        found = self._measuring.add(time, person, speed, started, contact_force)
+        person, level, position, started = frame["person"], frame["level"], frame["position"], frame["started"]
+        measures = self._measuring.add(frame["time"], person, frame["speed"], started, frame["contact_force"])
         if not is_shown:
             return
         self.frames += 1
-        self._write("times", np.array([time], "<f8"))
+        self._write("times", np.array([frame["time"]], "<f8"))
         self._write("events", self._events(person, level, started))
         at = np.floor((position - self.origin) / GRAIN).astype(np.int64)  # so that nobody is in another cell of maps
         if self.frames == 1:
@@ -155,12 +120,12 @@ class MotionPacker:
             off = elevation(self.building, level[uneven], position[uneven]) - height
             self._numbers("heights", np.rint(off / GRAIN).astype(np.int64))
         codes = {
-            "speeds": np.rint(found.speed / PACE).astype(np.int64),
-            "waited": np.rint(found.waited / MOMENT).astype(np.int64),
-            "forces": force_codes(found.contact_force),
+            "speeds": np.rint(measures.speed / PACE).astype(np.int64),
+            "waited": np.rint(measures.waited / MOMENT).astype(np.int64),
+            "forces": force_codes(measures.contact_force),
         }
-        if dose is not None:
-            codes["doses"] = np.rint(np.minimum(dose, MOST_DOSE) / PART).astype(np.int64)
+        if has_dose:
+            codes["doses"] = np.rint(np.minimum(frame["dose"], MOST_DOSE) / PART).astype(np.int64)
         if smoke is not None:
             before = self._smoke
             self._smoke = np.minimum(np.rint(-255.0 * np.expm1(-DEPTH * smoke)), 254.0).astype(np.uint8)
@@ -171,7 +136,7 @@ class MotionPacker:
             self._numbers(name, values - last[person])
             last[person] = values
         walks = codes["speeds"] > 0
-        heading = np.rint(np.arctan2(velocity[walks, 1], velocity[walks, 0]) * 128.0 / np.pi).astype(np.int64)
+        heading = np.rint(np.arctan2(*frame["velocity"][walks, 1::-1].T) * 128.0 / np.pi).astype(np.int64)
         self._write("headings", ((heading - self._headings[person[walks]]) % 256).astype(np.uint8))
         self._headings[person[walks]] = heading
 
@@ -188,38 +153,6 @@ class MotionPacker:
     def streams(self) -> dict[str, bytes]:
         """Return the compressed streams by name."""
         return {name: stream.packed() for name, stream in self._streams.items()}
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all data needed to continue with the same bytes."""
-        state: dict[str, NDArray[Any]] = {name: getattr(self, f"_{name}").copy() for name in _STATE}
-        state["frames"] = np.array([self.frames])
-        state |= {f"measures.{name}": array for name, array in self._measuring.state().items()}
-        return state | {f"stream.{name}": np.frombuffer(data, np.uint8) for name, data in self.streams().items()}
-
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned in a packer for the same people and building."""
-        self.frames = int(taken(state, "frames", np.int64, (1,), 0, MOST_FRAMES)[0])
-        bounds = {"seen": (0, self.frames), "started": (0, 1), "smoke": (0, 255)}
-        bounds |= dict.fromkeys(("level", "first_level"), (-1, len(self._planes) - 1))
-        for name in _STATE:
-            array = getattr(self, f"_{name}")
-            array[:] = taken(state, name, array.dtype, array.shape, *bounds.get(name, (-MOST_CODE, MOST_CODE)))
-        with part_of(state, "measures.") as measures:
-            self._measuring.restore(measures)
-        self._streams = {name: self._restored(state, name) for name in STREAMS}
-
-    def _restored(self, state: Mapping[str, NDArray[Any]], name: str) -> _Stream:
-        """Return a stream with its saved bytes, which are bounded by the number of frames."""
-        key = f"stream.{name}"
-        most = self.frames * (LARGEST_FRAME + LARGEST_RECORD * len(self._level) + len(self._smoke))
-        decompressor = zlib.decompressobj()
-        try:
-            data = decompressor.decompress(taken(state, key, np.uint8, (None,), 0, 255).tobytes(), most + 1)
-        except zlib.error as error:
-            raise SavedError(f"{key}: {error}") from error
-        if len(data) > most or not decompressor.eof or (name == "times" and len(data) != 8 * self.frames):
-            raise SavedError(f"{key}: its length does not match {self.frames} frames")
-        return _Stream(data)
 
     def _events(self, person: IntArray, level: IntArray, started: NDArray[np.bool_]) -> NDArray[np.int32]:
         """Return the people who came, left, changed the level or started since the previous frame."""

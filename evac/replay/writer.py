@@ -19,10 +19,10 @@ from evac.building.model.links import building_at
 from evac.folder.files import replacing
 from evac.pictures import palette
 from evac.pictures.scales import LEAST, MAPS, PEOPLE, SERVICES, Scale
-from evac.replay.account import Account, account_of_folder
+from evac.replay.account import Account, account_of_folder, account_of_run, poster, texts
 from evac.replay.geometry import building_for_page, marks_for_page
 from evac.replay.motion import GRAIN, MOMENT, PACE, PART, MotionPacker
-from evac.replay.poster import poster, texts
+from evac.results.results import Results
 from evac.trajectory.trajectory import Trajectory
 
 #: Largest time or length that the page gets [s or m]; a response time may be as large as a float can be.
@@ -82,12 +82,24 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
         file.write(tail)
 
 
-def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = None) -> int:
-    """Write the replay of a recorded run.
+def replay_run(results: Results, path: Path, error: BaseException | None = None) -> None:
+    """Write the replay of a run that has ended, or failed with an error, if its motion is recorded."""
+    if results.trajectory:
+        write_page(path, packed(results.trajectory), account_of_run(results, error), results.trajectory.changes)
 
-    `trajectory`: further data of the run are read from the files in the same folder; `path`: the page; `every`: least
-    time between two states [s]; by default all recorded states are used.
+
+def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = None) -> int:
+    """Write the replay of a trajectory, with what is in its folder; return the number of states.
+
+    `every`: least time between two states [s]; by default all recorded states are used.
     """
+    motion = packed(trajectory, every)
+    write_page(path, motion, account_of_folder(trajectory), trajectory.changes)
+    return motion.frames
+
+
+def packed(trajectory: Trajectory, every: float | None = None) -> MotionPacker:
+    """Return the motion of a trajectory; `every` as for `replay_trajectory`."""
     if not len(trajectory):
         raise ResultError(f"{trajectory.path}: no frame to replay; the run ended before its first output")
     if every is not None and not 0.0 < every < np.inf:
@@ -97,21 +109,8 @@ def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = 
     motion = MotionPacker(trajectory.number_of_people, trajectory.building, smoke, trajectory.contrast)
     chosen = _chosen(trajectory.time, every)
     for k in range(len(trajectory)):
-        frame = trajectory[k]
-        motion.add(
-            frame["time"],
-            frame["person"],
-            frame["level"],
-            frame["position"],
-            frame["velocity"],
-            frame["started"],
-            frame["contact_force"],
-            is_shown=k in chosen,
-            dose=frame["dose"] if trajectory.has_dose else None,
-            smoke=None if smoke is None else smoke.values[k],
-        )
-    write_page(path, motion, account_of_folder(trajectory), trajectory.changes)
-    return motion.frames
+        motion.add(trajectory[k], k in chosen, trajectory.has_dose, None if smoke is None else smoke.values[k])
+    return motion
 
 
 def _chosen(time: FloatArray, every: float | None) -> set[int]:

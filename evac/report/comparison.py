@@ -36,33 +36,21 @@ HEAD = ("design", "measure", "first [s]", "design [s]", "difference [s]", "inter
 
 @dataclass(frozen=True)
 class Design:
-    """A design that is compared: one run, or the runs of a study at one point.
-
-    Attributes
-    ----------
-    label : str
-    seeds : tuple of (int, int)
-        Seed and population seed of each run.
-    exit_times : tuple of (people,) float64 [s]
-        Of the people in each run; of those who left, if everybody did who is to leave, else NaN for the others.
-    is_complete : tuple of bool
-        Whether nobody was left in each run.
-    results : Results or None
-        Those of a single run.
-    """
+    """A design that is compared: one run, or the runs of a study at one point."""
 
     label: str
-    seeds: tuple[tuple[int, int], ...]
+    seeds: tuple[tuple[int, int], ...]  # seed and population seed of each run
+    # of the people in each run; of those who left, if everybody did who is to leave, else NaN for the others [s]
     exit_times: tuple[FloatArray, ...] = field(repr=False)
-    is_complete: tuple[bool, ...] = field(repr=False)
-    results: Results | None = field(default=None, repr=False)
+    is_complete: tuple[bool, ...] = field(repr=False)  # whether nobody was left in each run
+    results: Results | None = field(default=None, repr=False)  # those of a single run
 
     def measures(self) -> dict[str, FloatArray]:
         """Return the measures that are compared, by name: (runs,) [s], infinite where people are left."""
 
         def most(times: FloatArray) -> float:
-            found = time_of_share(times, MOST) if times.size else None
-            return math.inf if found is None else found
+            time = time_of_share(times, MOST) if times.size else None
+            return math.inf if time is None else time
 
         whole = list(zip(self.exit_times, self.is_complete, strict=True))
         return {
@@ -85,22 +73,14 @@ def most_of(times: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class Difference:
-    """What one measure of a design differs in from the first design.
-
-    Attributes
-    ----------
-    design, measure : str
-    before, after : float [s]
-        Means of the first design and of this one, over pairs of runs with the same seeds in which nobody is left.
-    change : Estimate
-        Mean of ``after - before`` with its interval.
-    """
+    """What one measure of a design differs in from the first design."""
 
     design: str
     measure: str
+    # means of the first design and of this one, over pairs of runs with the same seeds in which nobody is left [s]
     before: float
     after: float
-    change: Estimate
+    change: Estimate  # mean of ``after - before`` with its interval
 
     @property
     def verdict(self) -> str:
@@ -134,10 +114,10 @@ class Comparison:
 
         of_change = {"difference": "value", "low": "low", "high": "high", "pairs": "runs"}
         return DataFrame(
-            {"design": one.design, "measure": one.measure, "before": one.before, "after": one.after}
-            | {name: getattr(one.change, key) for name, key in of_change.items()}
-            | {"verdict": one.verdict}
-            for one in self.differences
+            {"design": change.design, "measure": change.measure, "before": change.before, "after": change.after}
+            | {name: getattr(change.change, key) for name, key in of_change.items()}
+            | {"verdict": change.verdict}
+            for change in self.differences
         )
 
     def plot(self) -> "Figure":
@@ -177,14 +157,14 @@ class Comparison:
         """Return the cells below `HEAD`."""
         return [
             (
-                one.design,
-                one.measure,
-                *(fixed(time, 2) for time in (one.before, one.after, one.change.value)),
-                one.change.bounds() if one.change.has_interval else "",
-                one.change.runs,
-                f"{one.verdict} ({one.change.note})" if one.change.note else one.verdict,
+                change.design,
+                change.measure,
+                *(fixed(time, 2) for time in (change.before, change.after, change.change.value)),
+                change.change.bounds() if change.change.has_interval else "",
+                change.change.runs,
+                f"{change.verdict} ({change.change.note})" if change.change.note else change.verdict,
             )
-            for one in self.differences
+            for change in self.differences
         ]
 
     def _maps(self) -> Iterator[figures.Picture]:
@@ -219,7 +199,7 @@ def compare(*what: "str | Path | Results | Study | tuple[Study, int]") -> Compar
     --------
     >>> evac.compare("narrow-runs", "wide-runs").to_pandas()  # doctest: +SKIP
     """
-    designs = [design for one in what for design in _designs(one)]
+    designs = [design for source in what for design in _designs(source)]
     if len(designs) < 2:
         raise ResultError(f"compare: {counted(len(designs), 'design')}; name two or more runs, studies or points")
     for other in designs[1:]:
@@ -254,8 +234,8 @@ def _designs(what: Any) -> Iterator[Design]:
         yield Design(label, (seeds,), (times,), (what.is_complete,), what)
         return
     study, point = what if isinstance(what, tuple) else (what, None)
-    for one in study.points if point is None else (study.points[point],):
-        yield _of_point(study, one.index)
+    for chosen in study.points if point is None else (study.points[point],):
+        yield _of_point(study, chosen.index)
 
 
 def _of_point(study: Study, point: int) -> Design:
@@ -265,7 +245,7 @@ def _of_point(study: Study, point: int) -> Design:
     return Design(
         f"{study.folder.name}: {label}" if label else study.folder.name,
         tuple((row["seed"], row["seed"] if row["population_seed"] is None else row["population_seed"]) for row in rows),
-        tuple(one if row["blocked"] else one[np.isfinite(one)] for one, row in zip(times, rows, strict=True)),
+        tuple(own if row["blocked"] else own[np.isfinite(own)] for own, row in zip(times, rows, strict=True)),
         tuple(not row["blocked"] for row in rows),
     )
 

@@ -110,10 +110,10 @@ def course(trajectory: Trajectory, exit_times: FloatArray) -> list[Picture]:
     `exit_times` (n,) [s]: of the people who are to leave, NaN for those who did not.
     """
     draw = _renderer(trajectory, COURSE)
-    found = [(share, time_of_share(exit_times, share)) for share in SHARES_OUT]
+    times = [(share, time_of_share(exit_times, share)) for share in SHARES_OUT]
     return [
         _rendered(draw, trajectory.nearest(time), f"{share} % of the people are out at {time:.1f} s", "course")
-        for share, time in found
+        for share, time in times
         if time is not None
     ]
 
@@ -141,7 +141,7 @@ def inside(trajectory: Trajectory, rows: IntArray) -> Picture:
     place, level = frame["position"][of_these], frame["level"][of_these]
     plans_ = draw_plans(trajectory.building_at(frame["time"]), None, side=0.1, greatest=PLANS)
     for axes, name, levels in zip(plans_.axes, plans_.names, plans_.levels, strict=True):
-        x, y = place[np.isin(level, [one.index for one in levels])].T
+        x, y = place[np.isin(level, [shown.index for shown in levels])].T
         axes.plot(x, y, "o", color=palette.CLOSED, markersize=2.5, markeredgewidth=0.0, zorder=6)
         name.set_text(f"{name.get_text()}: {len(x)} inside")
     caption = f"People who were still inside at {frame['time']:.1f} s, {len(place)} in all, as red marks."
@@ -244,7 +244,7 @@ def map_pictures(
     figures = draw_maps(
         trajectory, quantities, maps, dpi=DPI, service=service, flows=flows, greatest=MAPS, has_title=False
     )
-    said = {name: f"{QUANTITIES[name].label.capitalize()}: {QUANTITIES[name].doc}" for name in quantities}
-    if "flow" in said:
-        said["flow"] += f"; {FLOW_LABELS}"
-    return [_mapped(figure, f"{said[name]}.") for name, figure in zip(quantities, figures, strict=True)]
+    captions = {name: f"{QUANTITIES[name].label.capitalize()}: {QUANTITIES[name].doc}" for name in quantities}
+    if "flow" in captions:
+        captions["flow"] += f"; {FLOW_LABELS}"
+    return [_mapped(figure, f"{captions[name]}.") for name, figure in zip(quantities, figures, strict=True)]

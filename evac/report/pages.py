@@ -174,7 +174,7 @@ class Point(NamedTuple):
 @cache
 def points() -> tuple[Point, ...]:
     """Return the points of the documentation, which are listed in checklist.toml."""
-    return tuple(Point(**one) for one in tomllib.loads(read("checklist.toml"))["points"])
+    return tuple(Point(**table) for table in tomllib.loads(read("checklist.toml"))["points"])
 
 
 def checklist_section(numbers: dict[str, str], lacking: Collection[str] = ()) -> Section:

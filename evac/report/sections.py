@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from evac.analysis.congestion import DENSITY, SHARE, Exceedance
-from evac.analysis.flows import ExitUse
 from evac.analysis.hydraulic import LABORATORY, DesignFlow, design_flows, hydraulic_time
-from evac.analysis.lines import FlowUse
+from evac.analysis.lines import ExitUse, FlowUse
 from evac.analysis.maps import KERNEL_RADIUS, level_maps
 from evac.analysis.occupancy import Occupancy
 from evac.base.arrays import FloatArray
@@ -25,7 +24,7 @@ from evac.base.toml import case_text
 from evac.building.model.building import Building
 from evac.building.model.links import states_of
 from evac.building.model.storeys import storeys
-from evac.pictures.colouring import colouring
+from evac.pictures.scales import colouring
 from evac.report import figures
 from evac.report.pages import APPENDIX, Cell, Section, fixed, section
 from evac.results.answer import time_of_share
@@ -40,7 +39,7 @@ def building_section(run: Results | None) -> Section:
         return section("building", "Building", building=None, has_run=run is not None, is_missing=True)
     building = run.trajectory.building
     levels = building.levels
-    states = [_in_words(found) for found in states_of(building, run.trajectory.changes)]
+    states = [_in_words(changes) for changes in states_of(building, run.trajectory.changes)]
     return section(
         "building",
         "Building",
@@ -55,7 +54,7 @@ def building_section(run: Results | None) -> Section:
         ],
         doors=_alike(
             (levels[door.level].name, fixed(door.width, 2), states[building.n_links + k], door.name)
-            for k, door in in_order(enumerate(building.doors), lambda one: one[1].name)
+            for k, door in in_order(enumerate(building.doors), lambda item: item[1].name)
         ),
         areas=_alike(
             (levels[area.level].name, fixed(area.polygon.area, 1), area.name)
@@ -74,7 +73,7 @@ def building_section(run: Results | None) -> Section:
 def levels_section(trajectory: Trajectory) -> Section:
     """Return the appendix with the levels of a building and their portals, without those of stairs that stay open."""
     building = trajectory.building
-    levels, states = building.levels, [_in_words(found) for found in states_of(building, trajectory.changes)]
+    levels, states = building.levels, [_in_words(changes) for changes in states_of(building, trajectory.changes)]
     return section(
         "levels",
         f"{APPENDIX}levels and portals",
@@ -103,7 +102,7 @@ def _alike(rows: Iterable[tuple[str | None, ...]]) -> list[tuple[object, ...]]:
     names: dict[tuple[str | None, ...], list[str]] = {}
     for *alike, name in rows:
         names.setdefault(tuple(alike), []).append(str(name))
-    return [(*alike, len(found), ", ".join(found)) for alike, found in names.items()]
+    return [(*alike, len(own), ", ".join(own)) for alike, own in names.items()]
 
 
 def _stair(building: Building, name: str) -> tuple[object, ...]:
@@ -182,7 +181,7 @@ def _groups(case: CaseTable, run: Results | None) -> list[tuple[object, ...]]:
 
 def _size(group: GroupTable, run: Results | None) -> int:
     """Return the number of people of a group: in a run, those who were drawn to arrive as well."""
-    return group.size if run is None else next(len(one.rows) for one in run.groups if one.name == group.name)
+    return group.size if run is None else next(len(drawn.rows) for drawn in run.groups if drawn.name == group.name)
 
 
 def _start(group: GroupTable) -> str:
@@ -362,21 +361,21 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
     """Return the sections on bottlenecks and on maps."""
     trajectory = run.trajectory
     if trajectory is None or not len(trajectory):
-        return (section("congestion", TITLE, found=None, is_missing=True),)
+        return (section("congestion", TITLE, congestion=None, is_missing=True),)
     least_time = places.least_time
     if least_time is None:
         least_time = SHARE * (run.last_out if run.is_complete and run.last_out else run.time)
     watched = Exceedance(trajectory, places.density)
     maps = level_maps(trajectory, watch=watched.add)
-    found = watched.congestion(least_time)
+    congestion = watched.congestion(least_time)
     queues = run.queues
     pictures = figures.map_pictures(trajectory, places.maps, maps, run.flows, places.service)
     return (
         section(
             "congestion",
             TITLE,
-            found=found,
-            others=len(found.places) - MOST_PLACES,
+            congestion=congestion,
+            others=len(congestion.places) - MOST_PLACES,
             radius=KERNEL_RADIUS,
             trajectory=trajectory,
             queues=[
@@ -396,7 +395,7 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
                     fixed(place.duration, 1),
                     fixed(place.longest_spell, 1),
                 )
-                for number, place in enumerate(found.places[:MOST_PLACES], 1)
+                for number, place in enumerate(congestion.places[:MOST_PLACES], 1)
             ],
         ),
         *([section("maps", f"{APPENDIX}maps", pictures=pictures)] if pictures else []),
@@ -527,10 +526,10 @@ def design_section(run: Results) -> Section:
     """Return the section on design flows."""
     if run.building_or_none is None:
         return section("design", f"{APPENDIX}hydraulic calculation", "design_missing", is_missing=True)
-    found = design_flows(run.building, run.flows, run.crowd.exit_time)
-    decisive = hydraulic_time(found)
-    shown = sorted(found, key=lambda one: -one.hydraulic_time)[:MOST_ROWS]
-    rows, answer = [_design_row(one) for one in shown], _hydraulic_answer(run, decisive)
+    flows = design_flows(run.building, run.flows, run.crowd.exit_time)
+    decisive = hydraulic_time(flows)
+    shown = sorted(flows, key=lambda flow: -flow.hydraulic_time)[:MOST_ROWS]
+    rows, answer = [_design_row(flow) for flow in shown], _hydraulic_answer(run, decisive)
     return section("design", f"{APPENDIX}hydraulic calculation", rows=rows, answer=answer, laboratory=LABORATORY)
 
 
@@ -544,9 +543,9 @@ def _hydraulic_answer(run: Results, decisive: DesignFlow | None) -> str:
     )
 
 
-def _design_row(one: DesignFlow) -> tuple[object, ...]:
-    ratio = None if one.flow is None or not one.hydraulic_flow else one.flow / one.hydraulic_flow
-    people = Cell(str(one.people), "bad") if one.people > one.capacity else str(one.people)
-    flows = [fixed(number, 2) for number in (one.flow, one.hydraulic_flow, ratio, one.laboratory_flow)]
-    last = str(one.capacity), fixed(one.hydraulic_time, 1)
-    return one.kind, one.name, fixed(one.width, 2), people, *flows, *last
+def _design_row(flow: DesignFlow) -> tuple[object, ...]:
+    ratio = None if flow.flow is None or not flow.hydraulic_flow else flow.flow / flow.hydraulic_flow
+    people = Cell(str(flow.people), "bad") if flow.people > flow.capacity else str(flow.people)
+    flows = [fixed(number, 2) for number in (flow.flow, flow.hydraulic_flow, ratio, flow.laboratory_flow)]
+    last = str(flow.capacity), fixed(flow.hydraulic_time, 1)
+    return flow.kind, flow.name, fixed(flow.width, 2), people, *flows, *last

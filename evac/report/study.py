@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from operator import itemgetter
@@ -14,11 +13,10 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from evac.base.arrays import FloatArray
 from evac.base.distributions import as_text
 from evac.base.errors import ResultError, in_order
 from evac.folder.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_NAME
-from evac.folder.textfiles import checked, read_columns, read_json
+from evac.folder.textfiles import checked, read_json
 from evac.report import figures
 from evac.report.pages import APPENDIX, BLANK, Cell, Head, Labels, Section, files_section, fixed, page, section
 from evac.report.sections import (
@@ -38,7 +36,7 @@ from evac.results.ending import FAILED
 from evac.results.reading import read_results
 from evac.results.recordedcase import CaseTable, Record
 from evac.results.results import Results
-from evac.study.outputs import curves, parameter_keys
+from evac.study.outputs import curves, egress, parameter_keys, quality_of
 from evac.study.statistics import Estimate, Statistics, convergence, settled
 from evac.study.study import Study
 
@@ -50,9 +48,6 @@ MOST_LISTED = 100
 
 #: Greatest number of seeds in a line.
 MOST_SEEDS = 20
-
-#: A number in a warning; warnings that differ by numbers alone are told once.
-NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
 #: Columns of the rows of runs that a report shows.
@@ -100,7 +95,7 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
         _statistics(study),
         _exits(study),
         *(section for number, run in enumerate(members, 1) for section in _of_run(run, number, places)),
-        section("warnings", "Warnings", quality=_warnings(rows), is_study=True),
+        section("warnings", "Warnings", quality=quality_of(study), is_study=True),
         section("assessment", "Assessment"),
         section("limits", "Limits of use", is_study=True, has_fire=False),
         _runs(study, rows),
@@ -251,7 +246,6 @@ def _points_file(study: Study, keys: Sequence[str]) -> str:
 
 def _statistics(study: Study) -> Section:
     """Return the section on evacuation times over runs."""
-    egress = _egress(study)
     points = []
     for point, estimates in zip(study.points, study.statistics, strict=True):
         measures = settled(convergence(curves(study, point.index)))
@@ -259,7 +253,7 @@ def _statistics(study: Study) -> Section:
             {
                 "name": ", ".join(f"{key} = {as_text(value)}" for key, value in point.parameters.items()),
                 "rows": _statistics_rows(estimates),
-                "picture": _egress_picture(study, egress, point.index) if estimates.runs else None,
+                "picture": _egress_picture(study, point.index) if estimates.runs else None,
                 "settled": list(measures.items()),
             }
         )
@@ -284,23 +278,10 @@ def _statistics_rows(estimates: Statistics) -> list[tuple[object, ...]]:
     return rows
 
 
-def _egress(study: Study) -> dict[str, FloatArray]:
-    """Return the columns of the egress curves over runs."""
-    path = study.folder / EGRESS_NAME
-    columns = read_columns(path, ("time", "mean_over_runs"))
-    try:
-        return {name: np.array(column, np.float64) for name, column in columns.items()}
-    except ValueError as error:
-        raise ResultError(f"{path}: a field is no number: {error}; make the study again") from error
-
-
-def _egress_picture(study: Study, egress: Mapping[str, FloatArray], point: int) -> figures.Picture:
+def _egress_picture(study: Study, point: int) -> figures.Picture:
     """Return the egress curves of a point."""
-    columns = dict(egress)
-    if "point" in columns:
-        here = columns.pop("point") == point
-        columns = {name: column[here] for name, column in columns.items()}
-    return figures.egress_over_runs(max(row["people"] for row in study.rows(point, ["people"])), columns)
+    people = max(row["people"] for row in study.rows(point, ["people"]))
+    return figures.egress_over_runs(people, egress(study, point))
 
 
 def _exits(study: Study) -> Section:
@@ -330,19 +311,6 @@ def _of_run(run: Results, number: int, places: Places) -> Iterator[Section]:
         appendix = APPENDIX if part.title.startswith(APPENDIX) else ""
         title = f"{appendix}{name}: {part.title.removeprefix(appendix).lower()}"
         yield replace(part, id=f"{part.id}{suffix}", title=title)
-
-
-def _warnings(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the quality warnings, each with the seeds of its runs."""
-    alike: dict[str, list[tuple[str, str]]] = {}
-    for row in rows:
-        if text := "; ".join(row["quality_warnings"]):
-            alike.setdefault(NUMBER.sub("#", text), []).append((str(row["seed"]), text))
-    lines = []
-    for (seed, text), *others in alike.values():
-        more = f", and similar ones in {len(others)} more (seeds {_listed([other for other, _ in others])})"
-        lines.append(f"run with seed {seed}{more if others else ''}: {text}")
-    return lines
 
 
 def _listed(words: Sequence[str]) -> str:

@@ -48,8 +48,8 @@ def verification_section(case: CaseTable, keepers: Sequence[str]) -> Section:
     subject = subject_like(case, keepers, _subjects())
     failed = [(row, row[subject]) for row in rows if subject and row[subject].startswith("NO")]
     grouped: dict[str, list[str]] = {}
-    for row, found in failed:
-        grouped.setdefault(row["test"], []).append(f"{row['measured']}: {row['expected']} ({found})")
+    for row, verdict in failed:
+        grouped.setdefault(row["test"], []).append(f"{row['measured']}: {row['expected']} ({verdict})")
     return section(
         "verification",
         "Verification: failed tests of the model",
@@ -65,8 +65,8 @@ def verification_section(case: CaseTable, keepers: Sequence[str]) -> Section:
 
 def meaning(names: str) -> str:
     """Return what it means for a building that a model does not meet the standard test of some names."""
-    (found,) = [words for test, words in tomllib.loads(read("meanings.toml")).items() if test in names.split()]
-    return str(found)
+    (words,) = [text for test, text in tomllib.loads(read("meanings.toml")).items() if test in names.split()]
+    return str(words)
 
 
 def standard_section(case: CaseTable, keepers: Sequence[str]) -> Section:

@@ -186,4 +186,6 @@ def explain(simulation: "Simulation", forces: Sequence[Force], behaviours: Seque
     for name in ("tables", "picture", "replay", "trajectory", "animation"):
         is_wanted = getattr(case.output, name)
         parts.append(Part(name, is_wanted, f"output.{name} = {str(is_wanted).lower()}"))
+        if name == "replay" and is_wanted and not case.output.trajectory:
+            parts[-1] = Part(name, False, "output.trajectory = false")
     return parts

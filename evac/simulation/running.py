@@ -286,7 +286,8 @@ def draw_pictures(results: Results, is_stopped: Callable[[], bool]) -> list[str]
 
             if results.trajectory is not None:
                 export_vtk(results.trajectory, folder)
-    names = {REPLAY_NAME: output.replay, EGRESS_PICTURE_NAME: output.picture, ANIMATION_NAME: output.animation}
+    is_replayed = output.replay and output.trajectory
+    names = {REPLAY_NAME: is_replayed, EGRESS_PICTURE_NAME: output.picture, ANIMATION_NAME: output.animation}
     return [name for name, is_wanted in names.items() if is_wanted and not (folder / name).is_file()]
 
 

@@ -176,8 +176,8 @@ def speeds_of_men(trial: Trial) -> Iterator[Check]:
     """Count the men who walk at a speed of their class."""
     low, high = CROWD_SPEED["uniform"]
     number = 50
-    found = _walked(trial, [{"speed": CROWD_SPEED}], number)
-    inside = [int(((speeds > low - 1e-3) & (speeds < high + 1e-3)).sum()) for speeds in found]
+    runs = _walked(trial, [{"speed": CROWD_SPEED}], number)
+    inside = [int(((speeds > low - 1e-3) & (speeds < high + 1e-3)).sum()) for speeds in runs]
     yield check(f"men who walk at {low} to {high} m/s, of {number}", "IMO", inside, low=number, high=number)
 
 
@@ -185,11 +185,11 @@ def speeds_of_men(trial: Trial) -> Iterator[Check]:
 def speeds_of_a_normal_distribution(trial: Trial) -> Iterator[Check]:
     """Compare the speeds that a hundred people walk at with the normal distribution that was given."""
     mean, deviation = 1.2, 0.2
-    found = _walked(trial, [{"speed": {"normal": [mean, deviation], "minimum": 0.1}}], 100)
+    runs = _walked(trial, [{"speed": {"normal": [mean, deviation], "minimum": 0.1}}], 100)
     source = "NIST TN 1822, ISO 20414: ± 0.05"
     for word, asked, values in (
-        ("mean", mean, [speeds.mean() for speeds in found]),
-        ("standard deviation", deviation, [speeds.std(ddof=1) for speeds in found]),
+        ("mean", mean, [speeds.mean() for speeds in runs]),
+        ("standard deviation", deviation, [speeds.std(ddof=1) for speeds in runs]),
     ):
         yield check(f"{word} of the speeds walked [m/s]", source, values, asked - 0.05, asked + 0.05)
 
@@ -279,6 +279,6 @@ def stopped_by_gases(trial: Trial) -> Iterator[Check]:
         tables = {"conditions": [air], "smoke": {"law": "none"}, "dose": {"heat": "none"}, "behaviours": stands}
         tables |= {"simulation": {"duration": 2000.0}, "output": {"every": 100.0}}
         runs = trial.runs(plan, [person], f"gases {number}", **tables)
-        found = [float(run.results.exposure["stopped_at"][0]) for run in runs]
+        times = [float(run.results.exposure["stopped_at"][0]) for run in runs]
         words = f"time to the dose 1 in {co2:g} % CO2, {co:g} ppm CO, {o2:.8g} % O2 [s]"
-        yield check(words, "FDS+Evac guide; NIST TN 1822", found, time - GIVEN, time + GIVEN)
+        yield check(words, "FDS+Evac guide; NIST TN 1822", times, time - GIVEN, time + GIVEN)

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from shapely import box
 
-from evac.analysis.flows import steady_flow
+from evac.analysis.lines import steady_flow
 from evac.base.arrays import FloatArray
 from evac.building.plan.plan import Plan
 from evac.standard import plans
@@ -56,13 +56,13 @@ def _in_filled_corridor(trial: Trial, density: float, **keys: object) -> tuple[F
     area = box(FILLED[0], 0, FILLED[1], 2)
     plan = plans.one_storey(box(0, 0, 100, 2), exits={"end": plans.across(100, 0, 2)}, areas={"start": area})
     group = {"area": "start", "number": round(area.area * density), "speed": {"uniform": [1.2, 1.4]}, **keys}
-    found = []
+    measured = []
     for run in trial.runs(plan, [group], f"{density:g} per m2", simulation={"duration": SEEN_UNTIL}):
         x, speed = run.trajectory.position[..., 0], run.trajectory.velocity[..., 0]
         is_late = run.trajectory.time >= SEEN_FROM
         seen = (x >= SEEN[0]) & (x < SEEN[1]) & is_late[:, None]
-        found.append((run.densities(SEEN[0], 0, SEEN[1], 2)[is_late].mean(), speed[seen].mean()))
-    densities, speeds = np.array(found).T
+        measured.append((run.densities(SEEN[0], 0, SEEN[1], 2)[is_late].mean(), speed[seen].mean()))
+    densities, speeds = np.array(measured).T
     return densities, speeds
 
 
@@ -71,7 +71,7 @@ def fundamental_diagram(trial: Trial) -> Iterator[Check]:
     """Compare the speed in a long corridor at four densities with Weidmann's."""
     for density in DENSITIES:
         densities, speeds = _in_filled_corridor(trial, density)
-        ratios = [speed / weidmann(found) for found, speed in zip(densities, speeds, strict=True)]
+        ratios = [speed / weidmann(density) for density, speed in zip(densities, speeds, strict=True)]
         words = f"speed divided by Weidmann's at the measured density, corridor filled with {density:g} /m²"
         source = "Weidmann (1993) ± one standard deviation of the free speed; RiMEA has no bound"
         yield check(words, source, ratios, 1.0 - WEIDMANN_BAND, 1.0 + WEIDMANN_BAND)
@@ -95,12 +95,12 @@ def speeds_in_a_filled_corridor(trial: Trial) -> Iterator[Check]:
         for run in trial.runs(plan, [group], f"{number} people"):
             own.append(np.nanmean(20.0 / (run.passing_times(0, 40.0) - run.passing_times(0, 20.0))))
         speeds.append(own)
-    found = np.array(speeds)
+    means = np.array(speeds)
     yield check(
-        "greatest speed divided by the free speed", "ISO 20414: at most the free one", found.max(axis=0), high=1.05
+        "greatest speed divided by the free speed", "ISO 20414: at most the free one", means.max(axis=0), high=1.05
     )
     words = f"speed with more people divided by that with fewer, greatest for {', '.join(map(str, numbers))}"
-    yield check(words, "ISO 20414: falls", (found[1:] / found[:-1]).max(axis=0), high=1.0)
+    yield check(words, "ISO 20414: falls", (means[1:] / means[:-1]).max(axis=0), high=1.0)
 
 
 @standard_test("RiMEA-16", "fundamental diagram in single file", runs=2)
@@ -255,12 +255,12 @@ def wider_stairs(trial: Trial) -> Iterator[Check]:
         for width in widths:
             runs = trial.runs(plans.halls_and_stair(way, width, 3.0, 3.0), [plans.crowd(100)], f"{way} {width:g} m")
             flows.append([np.nan if run.is_blocked else steady_flow(_onto_the_flight(run)) for run in runs])
-        found = np.array(flows)
+        by_width = np.array(flows)
         words = f"flow {way} a stair of {widths[-1]:g} m divided by that of {widths[0]:g} m"
-        yield check(words, "ISO 20414: increases", found[-1] / found[0], low=1.0)
-        slopes = [float(np.polyfit(widths, own, 1)[0]) for own in found.T]
+        yield check(words, "ISO 20414: increases", by_width[-1] / by_width[0], low=1.0)
+        slopes = [float(np.polyfit(widths, own, 1)[0]) for own in by_width.T]
         yield check(f"increase of the flow {way} by width [1/s/m]", "ISO 20414: increases", slopes, low=0.0)
-        yield check(f"flow {way} a stair of 1 m [1/s]", "IMO, SFPE", found[0], *STAIR_FLOW)
+        yield check(f"flow {way} a stair of 1 m [1/s]", "IMO, SFPE", by_width[0], *STAIR_FLOW)
 
 
 def _onto_the_flight(run: Outcome) -> FloatArray:
@@ -316,8 +316,8 @@ def slow_and_wide(trial: Trial) -> Iterator[Check]:
     plan.area("start", "lower", box(0, 0, 3.5, 4))
     able = {"speed": 1.25, "speed_up": 1.25, "radius": 0.2}
     times = []
-    for label, one in (("slow", {"speed": 0.8, "speed_up": 0.8, "radius": 0.4}), ("control", able)):
-        people = [{"area": "start", "number": 24, **able}, {"positions": [[4.3, 2.0]], "z": 0.0, **one}]
+    for label, person in (("slow", {"speed": 0.8, "speed_up": 0.8, "radius": 0.4}), ("control", able)):
+        people = [{"area": "start", "number": 24, **able}, {"positions": [[4.3, 2.0]], "z": 0.0, **person}]
         times.append([run.last_out() for run in trial.runs(plan, people, label)])
     words = "evacuation time of 25 people with a slow and wide one divided by that without"
     yield check(words, "NIST TN 1822, ISO 20414", np.array(times[0]) / np.array(times[1]), low=1.0)

@@ -69,24 +69,18 @@ def carry_out(test: StandardTest, trial: Trial, seed: int) -> Result:
 
 
 def find_tests(names: Iterable[str]) -> list[StandardTest]:
-    """Return the tests with given names, each once: of a test, of a standard, or "all".
-
-    Raises
-    ------
-    ScenarioError
-        There is no such test.
-    """
-    found: list[StandardTest] = []
+    """Return the tests with given names, each once: of a test, of a standard, or "all"."""
+    tests: list[StandardTest] = []
     known = {name.lower(): [test] for test in TESTS for name in test.names}
     known |= {standard.lower(): of_standard(standard) for standard in STANDARDS} | {"all": list(TESTS)}
     for name in names:
         if name.lower() not in known:
-            standard = next((one for one in STANDARDS if name.lower().startswith(one.lower())), "")
-            words = [one for test in of_standard(standard) for one in test.names] if standard else ["all", *STANDARDS]
+            standard = next((key for key in STANDARDS if name.lower().startswith(key.lower())), "")
+            words = [key for test in of_standard(standard) for key in test.names] if standard else ["all", *STANDARDS]
             near = did_you_mean(f"{standard}{name[len(standard) :]}", words)
             raise ScenarioError(f"there is no standard test {name!r}; {near}; `evac verify` lists all")
-        found += [test for test in known[name.lower()] if test not in found]
-    return found
+        tests += [test for test in known[name.lower()] if test not in tests]
+    return tests
 
 
 def of_standard(standard: str) -> list[StandardTest]:

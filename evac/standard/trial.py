@@ -88,25 +88,25 @@ class Check:
         return f"{self.low:.4g} to {self.high:.4g}" if np.isfinite(self.high) else f"at least {self.low:.4g}"
 
     @cached_property
-    def found(self) -> FloatArray:
+    def finite(self) -> FloatArray:
         """The values of the runs that did not block."""
         return np.array([value for value in self.values if not np.isnan(value)])
 
     @property
     def blocked(self) -> int:
         """Number of runs that blocked."""
-        return len(self.values) - len(self.found)
+        return len(self.values) - len(self.finite)
 
     @property
     def mean(self) -> float | None:
         """Mean of the values; None if every run blocked."""
-        return float(self.found.mean()) if len(self.found) else None
+        return float(self.finite.mean()) if len(self.finite) else None
 
     @property
     def interval(self) -> tuple[float, float] | None:
         """Interval of the mean, as in studies; None if the values do not determine one."""
-        found = estimate("mean", self.found)
-        return (found.low, found.high) if found.has_interval else None
+        mean = estimate("mean", self.finite)
+        return (mean.low, mean.high) if mean.has_interval else None
 
     @property
     def is_passed(self) -> bool:
@@ -116,7 +116,7 @@ class Check:
     @property
     def is_certain(self) -> bool:
         """Whether no bound lies inside the interval of the mean, which is all numbers if there is none of several."""
-        low, high = self.interval or ((0.0, 0.0) if len(self.found) < 2 else (-np.inf, np.inf))
+        low, high = self.interval or ((0.0, 0.0) if len(self.finite) < 2 else (-np.inf, np.inf))
         return not any(low < bound < high for bound in (self.low, self.high))
 
     @property
@@ -165,7 +165,7 @@ class Outcome:
 
     def out_by(self, name: str) -> NDArray[np.bool_]:
         """Return who left by the exit of a name, (people,)."""
-        index = next(one.index for one in self.results.building.exits if one.name == name)
+        index = next(exit_.index for exit_ in self.results.building.exits if exit_.name == name)
         return np.asarray(self.results.crowd.exit_used == index)
 
     def passing_times(self, axis: int, line: float) -> FloatArray:
@@ -181,38 +181,26 @@ class Outcome:
         share = np.ones(len(person))
         np.divide(line - before, after - before, where=np.isfinite(after) & (frame > 0), out=share)
         times = time[np.maximum(frame - 1, 0)] + share * (time[frame] - time[np.maximum(frame - 1, 0)])
-        found: FloatArray = np.where(beyond.any(axis=0) & (frame > 0), times, np.nan)
-        return found
+        first: FloatArray = np.where(beyond.any(axis=0) & (frame > 0), times, np.nan)
+        return first
 
     def densities(self, x1: float, y1: float, x2: float, y2: float) -> FloatArray:
         """Return the number of people in a rectangle over its area in each recorded state, (states,) [1/m2]."""
         x, y = np.moveaxis(self.trajectory.position, 2, 0)
         inside = (x >= x1) & (x < x2) & (y >= y1) & (y < y2)
-        found: FloatArray = inside.sum(axis=1) / ((x2 - x1) * (y2 - y1))
-        return found
+        density: FloatArray = inside.sum(axis=1) / ((x2 - x1) * (y2 - y1))
+        return density
 
 
 @dataclass(frozen=True)
 class Trial:
-    """Who walks in the standard tests, and where their result folders are left.
+    """Who walks in the standard tests, and where their result folders are left."""
 
-    Attributes
-    ----------
-    folder : Path
-        Each run has a result folder in it.
-    seeds : tuple of int
-    settings : tuple of str
-        Keys of all cases to change, as KEY=VALUE.
-    plugin_files : tuple of Path
-    is_paper : bool
-        Whether people walk as in the paper, without a behaviour that keeps distances.
-    """
-
-    folder: Path
+    folder: Path  # each run has a result folder in it
     seeds: tuple[int, ...] = (1,)
-    settings: tuple[str, ...] = ()
+    settings: tuple[str, ...] = ()  # keys of all cases to change, as KEY=VALUE
     plugin_files: tuple[Path, ...] = ()
-    is_paper: bool = False
+    is_paper: bool = False  # whether people walk as in the paper, without a behaviour that keeps distances
 
     def case(self, plan: Plan, people: Iterable[Row], title: str = "", **sections: Any) -> Case:
         """Return the case of people in a building; groups without name are numbered; `sections` are others of it."""

@@ -36,21 +36,15 @@ SHOWN = ("test", "measured", "expected", "found", "runs", "blocked", "met", "by"
 
 
 def verify(
-    tests: Sequence[StandardTest], trial: Trial, seed: int, tell: Callable[[standard.Result], None]
+    tests: Sequence[StandardTest], trial: Trial, seed: int, show: Callable[[standard.Result], None]
 ) -> list[standard.Result]:
-    """Carry out tests, in processes if there are several, tell each result in order, and write page and table.
-
-    Raises
-    ------
-    ResultError
-        The folder has files of others in their places, or links, or cannot be written.
-    """
+    """Carry out tests, in processes if there are several, show each result in order, and write page and table."""
     _check(trial.folder, tests)
     results = []
     tasks = [(test, trial, seed) for test in tests]
     several = in_processes(standard.carry_out, tasks, cores(), "evac verify", "run the tests one by one")
     for result in several if len(tests) > 1 else starmap(standard.carry_out, tasks):
-        tell(result)
+        show(result)
         results.append(result)
     with writing("the verification", trial.folder):
         trial.folder.mkdir(parents=True, exist_ok=True)
@@ -100,7 +94,7 @@ def page_of(results: Sequence[standard.Result], trial: Trial, seed: int) -> str:
             "First seed": str(seed),
             "Program": f"evac {version('evac')} {commit()}".strip(),
         },
-        tests=[(" ".join(one.test.names), one.test.title, _cell(one), _reason(one)) for one in results],
+        tests=[(" ".join(result.test.names), result.test.title, _cell(result), _reason(result)) for result in results],
         checks=[[_check_cell(key, row[key]) for key in SHOWN] for result in results for row in check_rows(result)],
         columns=SHOWN,
     )
@@ -148,13 +142,7 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
 def in_processes(
     function: Callable[..., Result], tasks: Iterable[tuple[Any, ...]], workers: int, what: str, remedy: str
 ) -> Iterator[Result]:
-    """Yield ``function(*task)`` for each task in order, from so many processes; an error says what ended and a remedy.
-
-    Raises
-    ------
-    SimulationError
-        A process died.
-    """
+    """Yield ``function(*task)`` for each task in order, in processes; the error about one that died has the remedy."""
     from evac.base.processes import Pool
 
     with Pool(workers, *QUIET) as pool:

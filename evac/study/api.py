@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 from evac.base.errors import EvacError, PluginError, ResultError, ScenarioError, warn
 from evac.case.loading import as_case
 from evac.case.trust import run_plugin_files
-from evac.folder.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, STUDY_NAME
+from evac.folder.files import RUNS_STREAM_NAME, STUDY_NAME
 from evac.folder.resultfolder import ResultFolder, remove_written
 from evac.jit.loading import cores
 from evac.simulation.shared import simulation_of
@@ -236,4 +236,4 @@ def _open_folder(place: ResultFolder, resume: bool) -> None:
     if not (source / STUDY_NAME).is_file():
         raise ResultError(f"{place.path}: contains no study to resume; start one without --resume")
     place.reopen(source)
-    remove_written(place.running, (STUDY_NAME, RUNS_STREAM_NAME, RUNS_PARQUET_NAME, RUNS_DIGEST_NAME))
+    remove_written(place.running, (STUDY_NAME, RUNS_STREAM_NAME))

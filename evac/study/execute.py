@@ -158,7 +158,7 @@ class Execution:
                     running[self._submitted(waiting[0])] = waiting[0]
                     waiting.popleft()
                 done = wait(running, return_when=FIRST_COMPLETED).done
-                broken = {one for one in done if self._pool and isinstance(one.exception(), BrokenExecutor)}
+                broken = {future for future in done if self._pool and isinstance(future.exception(), BrokenExecutor)}
                 for future in done - broken:
                     row = _row_of(future, running.pop(future))
                     if row is not None:
@@ -344,8 +344,8 @@ def dask_executor(address: str) -> Iterator[Executor]:
 def _address_in(path: str) -> str:
     """Return the address in a scheduler file."""
     try:
-        found = json.loads(Path(path).read_text(encoding="utf-8"))
-        address = found["address"]
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        address = content["address"]
         if not isinstance(address, str):
             raise TypeError("its address is not text")
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:

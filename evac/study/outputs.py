@@ -20,6 +20,7 @@ from evac.folder.files import (
     MEDIAN_REPLAY_NAME,
     REPLAY_NAME,
     RUNS_NAME,
+    RUNS_PARQUET_NAME,
     STATISTICS_NAME,
     SUMMARY_NAME,
     SWEEP_PICTURE_NAME,
@@ -57,6 +58,7 @@ def write_outputs(study: "Study") -> None:
     """Write all outputs of a study to its folder, besides its rows and replays."""
     folder = study.folder
     with writing("the results", folder):
+        study.write_parquet(folder / RUNS_PARQUET_NAME)
         write_runs(study, folder / RUNS_NAME)
         rows = statistics_rows(study)
         write_csv(folder / STATISTICS_NAME, rows[0], (map(_field, row.values()) for row in rows))
@@ -86,7 +88,7 @@ def write_replays(study: "Study") -> None:
     for name, run in list(chosen.items())[: len(ranked)]:
         case, rank = study.case_of(0, run), "Worst" if name == WORST_REPLAY_NAME else "Median"
         title = f"{rank} of {counted(len(ranked), 'run')}, seed {case.simulation.seed}: {case.title}"[:LONGEST_NAME]
-        changes = {"output.replay": True, "output.animation": False, "output.trajectory": False, "title": title}
+        changes = {"output.replay": True, "output.animation": False, "output.trajectory": True, "title": title}
         case = case.change(changes)
         with writing("the replays", study.folder), TemporaryDirectory(dir=study.folder) as place:
             Simulation(case, Path(place)).run()
@@ -137,7 +139,7 @@ def points_table(study: "Study") -> tuple[list[str], list[list[Any]]]:
     rows = []
     for point, row in zip(study.points, study.statistics, strict=True):
         estimates = row[study.central], row.percentiles[-1]
-        times = [f"{one.text} ({bounds})" if (bounds := one.bounds()) else one.text for one in estimates]
+        times = [f"{of.text} ({bounds})" if (bounds := of.bounds()) else of.text for of in estimates]
         blocked = f"{row.blocked} of {row.runs}" + (f", {row.failed} failed" if row.failed else "")
         rows.append([*(point.parameters.get(key) for key in keys), *times, blocked])
     return [*keys, *(f"{name} [s] (95 % interval)" for name in (study.central, percentile)), "blocked"], rows
@@ -247,11 +249,11 @@ def quality_of(study: "Study") -> list[str]:
 
 def _first_of_each(texts: Iterable[list[str]], which: str = "") -> list[str]:
     """Return the first line of each kind, with the number of other runs."""
-    told = []
+    firsts = []
     for lines in list(texts)[:MOST_WARNINGS]:
         others = counted(len(lines) - 1, "more run")
-        told.append(lines[0] + (f" (and {others}{which}, in runs.csv)" if len(lines) > 1 else ""))
-    return told
+        firsts.append(lines[0] + (f" (and {others}{which}, in runs.csv)" if len(lines) > 1 else ""))
+    return firsts
 
 
 def _failed(study: "Study") -> list[str]:
@@ -261,10 +263,10 @@ def _failed(study: "Study") -> list[str]:
         for row in study.rows(columns=["point", "seed", "error"], failed=True):
             if row["error"] is not None:
                 reasons.setdefault(row["point"], []).append(f"failed: {_where(study, row)}: {row['error']}")
-    told = _first_of_each(reasons.values())
+    lines = _first_of_each(reasons.values())
     if len(reasons) > MOST_WARNINGS:
-        told.append(f"failed: runs of {len(reasons) - MOST_WARNINGS} more points, in runs.csv")
-    return told
+        lines.append(f"failed: runs of {len(reasons) - MOST_WARNINGS} more points, in runs.csv")
+    return lines
 
 
 def _step(study: "Study") -> list[str]:

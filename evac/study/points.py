@@ -35,19 +35,12 @@ ROWS_KEY = "points"
 
 @dataclass(frozen=True)
 class Point:
-    """A point of a study: a case with one set of parameters.
-
-    Attributes
-    ----------
-    index : int
-    base : Case, or callable that returns it
-        The case without these parameters; a callable is called when the case is first needed.
-    parameters : mapping of str to plain value
-        Values set at this point, by dotted key; for a table with several cases also ``case``.
-    """
+    """A point of a study: a case with one set of parameters."""
 
     index: int
+    # the case without these parameters; a callable is called when the case is first needed
     base: "Case | Callable[[], Case]"
+    # values set at this point, by dotted key; for a table with several cases also ``case``
     parameters: Mapping[str, Any]
 
     @cached_property
@@ -65,18 +58,11 @@ class Point:
 
 @dataclass(frozen=True)
 class Seeds:
-    """The seeds of runs 0, 1, ..., the same at all points (common random numbers).
+    """The seeds of runs 0, 1, ..., the same at all points (common random numbers)."""
 
-    Attributes
-    ----------
-    first : int
-        Seed of run 0; run k has ``first + k``.
-    repetitions : int
-        Number of consecutive runs with the same people at other positions and with other random decisions: run k draws
-        the properties of people with the seed ``first + k // repetitions``. With 1 all runs have different people.
-    """
-
-    first: int
+    first: int  # seed of run 0; run k has ``first + k``
+    # number of consecutive runs with the same people at other positions and with other random decisions: run k draws
+    # the properties of people with the seed ``first + k // repetitions``. With 1 all runs have different people
     repetitions: int = 1
 
     def changes(self, run: int) -> dict[str, int]:

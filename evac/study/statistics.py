@@ -467,21 +467,14 @@ def _between(lower: float, upper: float, share: float) -> float:
 
 @dataclass(frozen=True)
 class Variation:
-    """Variation of the evacuation time between and within populations.
+    """Variation of the evacuation time between and within populations."""
 
-    Attributes
-    ----------
-    reported : float
-        Least calculated time that is higher than 95 % of all calculated times [s]; infinite for a blocked run.
-    between, within : float
-        Standard deviations [s] by one-way analysis of variance over the complete runs; NaN if there are too few.
-    probability : float
-        p value of the F test: probability of such an F or a greater one if the populations do not differ.
-    """
-
+    # least calculated time that is higher than 95 % of all calculated times [s]; infinite for a blocked run
     reported: float
+    # standard deviations [s] by one-way analysis of variance over the complete runs; NaN if there are too few
     between: float
     within: float
+    # p value of the F test: probability of such an F or a greater one if the populations do not differ
     probability: float
 
 

@@ -4,11 +4,10 @@ The identity and the definition are written to study.json at the start. Only a s
 resumed; with the definition a study can be opened again. Each row is written as soon as its run is done, in columns
 that data frame libraries read.
 
-During the study, rows are appended to ``runs.arrows``, an Arrow stream: each row is one record batch with a checksum,
-written with one call, so that after a kill at most the last one is incomplete. The first record that is incomplete or
-damaged, and all that follows it, is overwritten when rows are appended again. When the study is complete, the rows are
-sorted by point and run into ``runs.parquet``, whose digest is in ``runs.digest``, and the stream is deleted. Neither
-SQLite (rows, not columns) nor Parquet (not readable without its end) is suitable for both.
+Rows are appended to ``runs.arrows``, an Arrow stream: each row is one record batch with a checksum, written with one
+call, so that after a kill at most the last one is incomplete. The first record that is incomplete or damaged, and all
+that follows it, is overwritten when rows are appended again. The manifest has the digest of a complete stream.
+``runs.parquet`` is only written, for other programs.
 """
 
 import json
@@ -16,9 +15,7 @@ import math
 import os
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import asdict, dataclass
-from hashlib import file_digest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -28,17 +25,8 @@ import pyarrow.ipc
 import pyarrow.parquet as pq
 
 from evac.base.errors import ResultError, in_one_line, naming, text_of, usable_path
-from evac.folder.digests import differences, digest_of_data, read_sealed, sealed
-from evac.folder.files import (
-    RUNS_DIGEST_NAME,
-    RUNS_PARQUET_NAME,
-    RUNS_STREAM_NAME,
-    STUDY_NAME,
-    note_written,
-    replacing,
-    sync_file,
-    writing,
-)
+from evac.folder.digests import differences, digest_of_data, digest_of_file, read_sealed, sealed
+from evac.folder.files import RUNS_STREAM_NAME, STUDY_NAME, note_written, read_manifest, replacing, writing
 from evac.folder.textfiles import plain
 from evac.results.ending import FAILED
 from evac.results.results import versions
@@ -54,9 +42,8 @@ if TYPE_CHECKING:
 #: Longest time after which rows are forced to disk, when the next one is appended [s].
 SYNC_EVERY = 1.0
 
-#: Number of rows read at a time, and approximate size of the groups of rows written [bytes].
-BATCH_ROWS = 32
-GROUP_BYTES = 16 * 2**20
+#: Number of rows in a group of the Parquet file.
+GROUP_ROWS = 100
 
 #: Columns that tell which runs there are.
 INDEXED = ("point", "run", "ended", "last_out")
@@ -72,7 +59,7 @@ class StoredRun:
     """Data of a stored run that is kept in memory."""
 
     last_out: float  # [s], infinite if people are left, NaN if the run failed
-    offset: int = -1  # in the stream; -1: in the Parquet file
+    offset: int  # in the stream
 
 
 def schema_of(points: Sequence[Point]) -> pa.Schema:
@@ -102,14 +89,9 @@ def schema_of(points: Sequence[Point]) -> pa.Schema:
 
 
 class RowStore:
-    """The rows of one study in a folder.
+    """The rows of one study in a folder, of which only `entries`, by point and run, are in memory.
 
-    Attributes
-    ----------
-    entries : dict of (int, int) to StoredRun
-        Entries by point and run. Nothing else is kept in memory, independent of the number of people.
-    dropped_bytes : int
-        Number of bytes of incomplete or damaged rows at the end of the stream, which are ignored.
+    `dropped_bytes` is the number of bytes of incomplete or damaged rows at the end of the stream, which are ignored.
     """
 
     def __init__(self, folder: Path, points: Sequence[Point]) -> None:
@@ -120,19 +102,16 @@ class RowStore:
         self._file: Any = None
         self.dropped_bytes = 0
         self._end, self._synced = 0, 0.0
-        self._digest = ""  # of the Parquet file
         with writing("the rows", folder):
-            if self._parquet_path.is_file():
-                self._index_parquet()
-            if self._stream_path.is_file():
-                self._index_stream()
+            if self._path.is_file():
+                self._index()
 
     def append(self, row: Row) -> None:
         """Write a row. It survives a kill of this process; a failure of the machine can lose those of `SYNC_EVERY`."""
-        with writing("the rows", self._stream_path):
+        with writing("the rows", self._path):
             if self._file is None:
-                note_written([self._stream_path])
-                self._file = self._stream_path.open("r+b" if self._end else "wb", buffering=0)
+                note_written([self._path])
+                self._file = self._path.open("r+b" if self._end else "wb", buffering=0)
                 self._file.truncate(self._end)
                 self._file.seek(self._end)
                 if not self._end:
@@ -149,49 +128,26 @@ class RowStore:
         self.entries = {key: entry for key, entry in self.entries.items() if not math.isnan(entry.last_out)}
 
     def rows(self, wanted: Iterable[tuple[int, int]], columns: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
-        """Yield stored rows as dictionaries of plain values and arrays.
-
-        Parameters
-        ----------
-        wanted : iterable of (point, run)
-            Keys of `entries` in ascending order.
-        columns : sequence of str
-            Names of columns; by default all.
-        """
+        """Yield stored rows, given by keys of `entries`, as dictionaries of plain values and arrays, by default all."""
         names = list(columns) or self.schema.names
         for batch in self._batches(wanted, names):
-            found = {name: batch.column(name) for name in names}
+            arrays = {name: batch.column(name) for name in names}
             for k in range(batch.num_rows):
-                yield {name: _value(column, k) for name, column in found.items()}
+                yield {name: _value(column, k) for name, column in arrays.items()}
 
-    def compact(self, wanted: Sequence[tuple[int, int]]) -> None:
-        """Write the rows `wanted`, in ascending order, to a Parquet file, which replaces the old one and the stream."""
-        new = self._parquet_path.with_suffix(".new")
-        with writing("the rows", self._parquet_path):
-            with pq.ParquetWriter(new, self.schema, compression="zstd") as writer:
-                group: list[pa.RecordBatch] = []
-                size = 0
-                for batch in self._batches(wanted, self.schema.names):
-                    group.append(batch)
-                    size += batch.nbytes
-                    if size >= GROUP_BYTES:
-                        writer.write_table(pa.Table.from_batches(group, self.schema))
-                        group, size = [], 0
-                if group:
-                    writer.write_table(pa.Table.from_batches(group, self.schema))
-            with new.open("rb") as file:
-                digest = file_digest(file, "sha256").hexdigest()
-            sync_file(new)
-            digests = self._digest_path.with_name(f"{RUNS_DIGEST_NAME}.new")
-            note_written([new, self._parquet_path, digests, self._digest_path])
-            digests.write_text(f"{digest} {self._digest}\n", encoding="ascii")  # the old file is valid until replaced
-            digests.replace(self._digest_path)
-            new.replace(self._parquet_path)
-            self._digest = digest
-            self.close()
-            self._stream_path.unlink(missing_ok=True)
-        self._end = 0
-        self.entries = {key: StoredRun(self.entries[key].last_out) for key in wanted}
+    def complete(self) -> None:
+        """Remove what follows the last whole row, and note the digest of the stream in the manifest."""
+        with writing("the rows", self._path):
+            os.truncate(self._path, self._end)
+            note_written([self._path], sha256=digest_of_file(self._path))
+
+    def write_parquet(self, path: Path) -> None:
+        """Write all rows, sorted by point and run, to a Parquet file."""
+        wanted = sorted(self.entries)
+        with replacing(path, "the rows") as new, pq.ParquetWriter(new, self.schema, compression="zstd") as writer:
+            for start in range(0, len(wanted), GROUP_ROWS):
+                batches = self._batches(wanted[start : start + GROUP_ROWS], self.schema.names)
+                writer.write_table(pa.Table.from_batches(batches, self.schema))
 
     def table(self) -> pa.Table:
         """Return all rows as one table, sorted by point and run."""
@@ -199,8 +155,7 @@ class RowStore:
 
     def move(self, folder: Path) -> None:
         """Set the new path of the renamed folder; the stream must be closed."""
-        self._stream_path, self._parquet_path = folder / RUNS_STREAM_NAME, folder / RUNS_PARQUET_NAME
-        self._digest_path = folder / RUNS_DIGEST_NAME
+        self._path = folder / RUNS_STREAM_NAME
 
     def close(self) -> None:
         """Close the stream."""
@@ -215,38 +170,27 @@ class RowStore:
             raise OSError("the disk is full")
         self._end += len(data)
 
-    def _index_parquet(self) -> None:
-        with self._parquet_path.open("rb") as file:
-            self._digest = file_digest(file, "sha256").hexdigest()
-        try:
-            digests = self._digest_path.read_text(encoding="ascii").split()  # two while the file is replaced
-        except (OSError, ValueError) as error:
-            raise ResultError(f"{self._digest_path}: cannot be read: {error}; start the study again") from error
-        if self._digest not in digests:
-            raise ResultError(f"{self._parquet_path}: damaged, it has another digest; start the study again")
-        try:
-            with pq.ParquetFile(self._parquet_path) as parquet:
-                self._check_schema(parquet.schema_arrow, self._parquet_path)
-                for batch in parquet.iter_batches(columns=INDEXED):
-                    self._index(batch, -1)
-        except pa.ArrowException as error:
-            raise ResultError(f"{self._parquet_path}: damaged: {error}; start the study again") from error
-
-    def _index_stream(self) -> None:
+    def _index(self) -> None:
         """Read the rows of the stream up to the first one that is incomplete or damaged."""
-        size = self._stream_path.stat().st_size
-        with self._stream_path.open("rb") as file:
+        size = self._path.stat().st_size
+        with self._path.open("rb") as file:
             self.dropped_bytes = size
             record = read_sealed(file, 0, size)
             if record is None:
                 return
             try:
-                self._check_schema(pa.ipc.read_schema(pa.py_buffer(record)), self._stream_path)
+                schema = pa.ipc.read_schema(pa.py_buffer(record))
             except (pa.ArrowException, OSError):
                 return
+            if not schema.equals(self.schema):
+                raise ResultError(
+                    f"{self._path}: its columns are not those of this study; choose another folder (--out)"
+                )
             self._end = len(record)
             while (batch := self._batch_at(file, self._end, size)) is not None:
-                self._index(batch, self._end)
+                point, run, ended, last_out = (batch.column(name)[0].as_py() for name in INDEXED)
+                endless = math.nan if ended == FAILED else math.inf
+                self.entries[point, run] = StoredRun(endless if last_out is None else last_out, self._end)
                 self._end = file.tell()
             self.dropped_bytes = size - self._end
 
@@ -264,44 +208,14 @@ class RowStore:
         is_one = len(point) == len(run) == 1 and None not in (*point, *run)
         return batch if is_one and 0 <= point[0] < len(self._points) and run[0] >= 0 else None
 
-    def _index(self, batch: pa.RecordBatch, offset: int) -> None:
-        """Note the runs of a batch, which are at an offset in the stream, or -1 if they are in the Parquet file."""
-        for point, run, ended, last_out in zip(*(batch.column(name).to_pylist() for name in INDEXED), strict=True):
-            endless = math.nan if ended == FAILED else math.inf
-            self.entries[point, run] = StoredRun(endless if last_out is None else last_out, offset)
-
-    def _check_schema(self, schema: pa.Schema, path: Path) -> None:
-        if not schema.equals(self.schema):
-            raise ResultError(f"{path}: its columns are not those of this study; choose another folder (--out)")
-
     def _batches(self, wanted: Iterable[tuple[int, int]], names: Sequence[str]) -> Iterator[pa.RecordBatch]:
-        """Yield the rows `wanted` in batches, in order, from the stream or the Parquet file."""
-        old = self._parquet_rows(names)
-        with ExitStack() as open_files:
-            stream, size = None, 0
-            if self._stream_path.is_file():
-                stream = open_files.enter_context(self._stream_path.open("rb"))
-                size = os.fstat(stream.fileno()).st_size
-            for key in wanted:
-                entry = self.entries[key]
-                if entry.offset < 0:
-                    yield next(batch for other, batch in old if other == key)
-                    continue
-                batch = self._batch_at(stream, entry.offset, size) if stream is not None else None
-                if batch is None:
-                    raise ResultError(f"{self._stream_path}: changed since it was opened; resume the study (--resume)")
-                yield batch.select(list(names))
-
-    def _parquet_rows(self, names: Sequence[str]) -> Iterator[tuple[tuple[int, int], pa.RecordBatch]]:
-        """Yield the rows of the Parquet file one by one, with their keys."""
-        if not self._parquet_path.is_file():
-            return
-        columns = list(dict.fromkeys(["point", "run", *names]))
-        with pq.ParquetFile(self._parquet_path) as file:
-            for batch in file.iter_batches(batch_size=BATCH_ROWS, columns=columns):
-                keys = zip(batch.column("point").to_pylist(), batch.column("run").to_pylist(), strict=True)
-                for k, key in enumerate(keys):
-                    yield key, batch.slice(k, 1).select(list(names))
+        """Yield the rows `wanted`, in order."""
+        for key in wanted:
+            with self._path.open("rb") as file:
+                batch = self._batch_at(file, self.entries[key].offset, os.fstat(file.fileno()).st_size)
+            if batch is None:
+                raise ResultError(f"{self._path}: changed since it was opened; resume the study (--resume)")
+            yield batch.select(list(names))
 
     def _batch(self, row: Row) -> pa.RecordBatch:
         """Return a row as a record batch."""
@@ -410,6 +324,13 @@ def read_identity(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         raise ResultError(f"{path}: damaged, its digest differs; start the study again")
     del identity["definition"]
     return identity, definition
+
+
+def check_rows(folder: Path) -> None:
+    """Refuse the rows of a complete study that have changed."""
+    path, digest = folder / RUNS_STREAM_NAME, read_manifest(folder).files.get(RUNS_STREAM_NAME)
+    if digest and digest_of_file(path) != digest:
+        raise ResultError(f"{path}: damaged; the same command with --resume makes the runs that are lost again")
 
 
 def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:

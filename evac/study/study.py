@@ -23,6 +23,7 @@ from evac.study.stopping import Rule
 from evac.study.store import (
     RowStore,
     check_identity,
+    check_rows,
     definition_of,
     digest_of,
     identity_of,
@@ -134,7 +135,7 @@ class Study:
         executor: Executor | None = None,
         progress: Callable[[StudyProgress], None] | None = None,
     ) -> None:
-        """Check all missing runs, execute those that are not refused, and sort the rows; raise if all runs failed."""
+        """Check all missing runs, execute and store those that are not refused; raise if all runs failed."""
         failed: list[Row] = []
         waiting: deque[Task] = deque()
 
@@ -166,7 +167,7 @@ class Study:
                 keep(row)
         if failed and all(math.isnan(entry.last_out) for entry in self._store.entries.values()):
             raise _first_error(failed)
-        self._store.compact(sorted(self._store.entries))
+        self._store.complete()
 
     @property
     def done(self) -> int:
@@ -243,6 +244,10 @@ class Study:
     def table(self) -> "pyarrow.Table":
         """Return all rows, also of failed runs, as an Arrow table, with the exit times of all people in memory."""
         return self._store.table()
+
+    def write_parquet(self, path: Path) -> None:
+        """Write `table` to a Parquet file, a few rows at a time."""
+        self._store.write_parquet(path)
 
     def to_pandas(self) -> "pandas.DataFrame":
         """Return `table` as a pandas data frame."""
@@ -323,6 +328,7 @@ def read_study(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> S
     """
     place = Path(folder)
     identity, definition = read_identity(place)
+    check_rows(place)
     files = tuple(Path(path).resolve() for path in plugin_files)
     try:
         bases = [

@@ -275,8 +275,8 @@ class Trajectory:
         return level_maps(self, levels, **options)
 
     def to_pedpy(self, level: str | int) -> "tuple[TrajectoryData, WalkableArea]":
-        """Return the motion on a level and its walkable area for PedPy: see `evac.analysis.pedpy_data.to_pedpy`."""
-        from evac.analysis.pedpy_data import to_pedpy
+        """Return the motion on a level and its walkable area for PedPy: see `evac.analysis.tables.to_pedpy`."""
+        from evac.analysis.tables import to_pedpy
 
         return to_pedpy(self, level)
 

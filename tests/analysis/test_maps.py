@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from shapely.geometry import Polygon, box
 
-from evac.analysis.grid import Grid
-from evac.analysis.maps import QUANTITIES, level_maps
+from evac.analysis.maps import QUANTITIES, Grid, level_maps
 from evac.trajectory.trajectory import read_trajectory
 
 R = 0.5

@@ -1,10 +1,8 @@
 """Waiting and contact forces, as every picture, map and page has them."""
 
 import numpy as np
-import pytest
 
 from evac.analysis.measures import Measuring
-from evac.base.saved import SavedError
 
 EVERYBODY = np.arange(3, dtype=np.int32)
 
@@ -29,18 +27,3 @@ def test_contact_forces_are_means_of_a_second_of_those_who_are_there():
     measuring = Measuring(3)
     found = [measuring.add(*frame).contact_force.tolist() for frame in frames()]
     assert found == [[0, 0, 50], [50, 0, 50], [150, 0, 50], [250, 0], [350, 0], [450, 0]]
-
-
-def test_measuring_goes_on_from_its_state():
-    whole, first, second = Measuring(3), Measuring(3), Measuring(3)
-    for k, frame in enumerate(frames()):
-        expected = whole.add(*frame)
-        if k < 3:
-            first.add(*frame)
-            continue
-        if k == 3:
-            second.restore(first.state())
-        for name, values in zip(expected._fields, second.add(*frame), strict=True):
-            np.testing.assert_array_equal(values, getattr(expected, name))
-    with pytest.raises(SavedError, match="waited"):
-        Measuring(4).restore(first.state())

@@ -193,10 +193,14 @@ def test_a_study_is_verified_and_its_tables_are_written_again(tmp_path, capsys):
     assert re.match("damaged: .* --resume", found["statistics.csv"])
     evac.repeat(case, 3, folder=folder, resume=True)
     assert states(folder, capsys)[0] == 0
-    change(folder / "runs.parquet", 300)
+    change(folder / "runs.arrows", -20)
     status, found = states(folder, capsys)
     assert status == 2
-    assert found["runs of the study"].startswith("damaged")
+    assert re.match("damaged: .* --resume", found["runs of the study"])
+    with pytest.raises(evac.EvacError, match=r"runs\.arrows"):
+        evac.read_study(folder)
+    evac.repeat(case, 3, folder=folder, resume=True)
+    assert states(folder, capsys) == (0, found | dict.fromkeys(found, "whole") | {"runs of the study": "whole, 3 runs"})
 
 
 def test_the_rows_of_a_stopped_study_are_counted(tmp_path, capsys):

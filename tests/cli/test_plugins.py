@@ -67,7 +67,6 @@ def test_a_failed_check_is_one_line_and_status_2(evac, text, words, capsys):
 
 #: What a plugin does to the process, and the status and the text of the only line that begins with "evac: ".
 INTERFERES = {
-    "os._exit(0)": (2, "SystemExit: 0 (", "raise an exception instead"),
     "sys.stdout = None": (2, "replaces sys.stdout", "restore it"),
     "sys.stderr = object()": (2, "replaces sys.stdout or sys.stderr", "restore it"),
     "sys.stdout.close()": (3, "people still inside", ""),

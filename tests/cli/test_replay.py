@@ -23,7 +23,8 @@ def run(evac, *off):
 @pytest.mark.parametrize("off", [{"tables"}, {"picture"}, {"replay"}, {"animation"}, {"trajectory", "animation"}, ALL])
 def test_each_output_can_be_switched_off(evac, tmp_path, off):
     run(evac, *off)
-    left = set().union({"summary.json", "manifest.jsonl"}, *(FILES[key] for key in ALL - off))
+    on = ALL - off - ({"replay"} if "trajectory" in off else set())  # the page is made from the trajectory
+    left = set().union({"summary.json", "manifest.jsonl"}, *(FILES[key] for key in on))
     assert {path.name for path in (tmp_path / "r").iterdir()} == left
 
 
@@ -34,10 +35,8 @@ def test_vtk_switches_the_animation_on(evac, tmp_path):
 
 
 def test_the_same_replay_is_made_again(evac, tmp_path, result):
-    """From the recorded trajectory, whose positions are rounded: to the same page but for single centimetres."""
     assert evac("replay", result, "--out", tmp_path / "page.html") == 0
-    before, after = (len(path.read_text()) for path in (result / REPLAY_NAME, tmp_path / "page.html"))
-    assert abs(before - after) < 0.01 * before
+    assert (tmp_path / "page.html").read_bytes() == (result / REPLAY_NAME).read_bytes()
 
 
 def test_median_and_worst_runs_are_replayed(evac, tmp_path):

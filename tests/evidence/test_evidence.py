@@ -9,8 +9,9 @@ import pytest
 from evac.base.errors import RunWarning
 from evac.cli import main
 from evac.evidence import KINDS
-from evac.evidence.command import run_evidence, write_index
+from evac.evidence.command import COMMITTED, run_evidence, shown_in_reports, write_index
 from evac.evidence.evidence import Evidence, new_figure
+from evac.report.verification import evidence
 
 LEAN, SCALING = "evac.evidence.lean.page", "evac.evidence.scaling.page"
 PAGES = Path(__file__).parents[2] / "docs" / "evidence"
@@ -97,3 +98,8 @@ def test_pages_say_what_came_of_runs_and_runs_do_not_warn(quick, tmp_path, monke
 
     monkeypatch.setattr("evac.evidence.lean.page.run", compute)
     run_evidence("lean", tmp_path, quick)
+
+
+def test_installed_verdicts_equal_the_committed_ones():
+    # `evac evidence KIND --page-only --out docs/evidence` writes them again.
+    assert evidence() == shown_in_reports(COMMITTED)

@@ -14,9 +14,8 @@ import evac
 from evac.cli.main import main
 from evac.cli.outcome import show_answer, show_results
 from evac.export.vtk import KINDS
-from evac.pictures.colouring import colouring
 from evac.pictures.palette import NOTHING, rgb
-from evac.pictures.scales import PEOPLE
+from evac.pictures.scales import PEOPLE, colouring
 from evac.report.of_run import run_report
 from evac.report.sections import Places
 from evac.results.ending import Stopped

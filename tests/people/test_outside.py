@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
-from evac.analysis.flows import steady_flow
+from evac.analysis.lines import steady_flow
 from evac.building.plan.plan import Plan
 from evac.case.loading import load_case
 from evac.people.outside import REACH, PeopleOutside

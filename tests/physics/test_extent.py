@@ -95,6 +95,6 @@ def test_the_documents_list_where_the_radius_is_a_number():
         if path.relative_to(root).parts[0] not in ("conformance", "evidence")
         if re.search(r"\b[a-z_]+\.(contact_)?radius\b(?!\()", path.read_text(encoding="utf-8"))
     }
-    # The recorder counts people; drawings have arcs of doors.
+    # Drawings have arcs of doors.
     arcs = {"plugins/import_dxf.py", "building/recover/drawings.py"}
-    assert read - listed == {"physics/extent.py", "plugins/recorder_replay.py"} | arcs
+    assert read - listed == {"physics/extent.py"} | arcs

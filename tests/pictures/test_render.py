@@ -13,12 +13,12 @@ from evac.base.errors import ResultError
 from evac.building.model.building import Place
 from evac.building.model.links import close_links
 from evac.pictures import palette
-from evac.pictures.camera import Camera, aim, hides
-from evac.pictures.colouring import COLOURINGS, colouring
 from evac.pictures.floorplan import draw_plans
 from evac.pictures.pawns import HIDDEN, draw_people
 from evac.pictures.render import Renderer, render_animation, render_picture
+from evac.pictures.scales import COLOURINGS, colouring
 from evac.pictures.scene import MARGIN, view_of
+from evac.pictures.view import Camera, aim, hides
 from evac.simulation.assembly import make_building
 from evac.trajectory.header import building_to_json
 from evac.trajectory.trajectory import read_trajectory

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import evac
-from evac.pictures.colouring import colouring
-from evac.pictures.render import Renderer
-from evac.pictures.smoke import Smoke
+from evac.pictures.render import Renderer, Smoke
+from evac.pictures.scales import colouring
 from tests.conditions.corridor import corridor, prescribed
 
 

@@ -8,8 +8,8 @@ import time
 import numpy as np
 from PIL import Image
 
+from evac.replay.account import poster
 from evac.replay.motion import GRAIN, MotionPacker
-from evac.replay.poster import poster
 from evac.trajectory.trajectory import read_trajectory
 
 
@@ -96,9 +96,7 @@ def test_the_poster_has_everybody_where_they_were_first(descent):
     trajectory = read_trajectory(descent(people=6, frames=3).path)
     motion = MotionPacker(6, trajectory.building)
     for k in range(len(trajectory)):
-        frame = trajectory[k]
-        names = ("time", "person", "level", "position", "velocity", "started", "contact_force")
-        motion.add(*(frame[name] for name in names))
+        motion.add(trajectory[k])
     person, level, position = motion.first_state()
     first = trajectory[0]
     assert (person.tolist(), level.tolist()) == (first["person"].tolist(), first["level"].tolist())

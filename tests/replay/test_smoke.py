@@ -5,7 +5,7 @@ import pytest
 
 import evac
 from evac.pictures import palette
-from evac.pictures.colouring import colouring
+from evac.pictures.scales import colouring
 from tests.conditions.corridor import corridor, prescribed
 
 

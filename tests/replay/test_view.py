@@ -57,8 +57,10 @@ def page(request, room, tmp_path_factory):
         of = [stairs if person < share * people else floors for person in range(people)]
         levels = [some[int(random.integers(len(some)))] for some in of]
         position = np.array([inside(level.polygon.buffer(-0.2), random) for level in levels])
-        rows, level = np.arange(people, dtype=np.int32), np.array([one.index for one in levels], np.int32)
-        motion.add(time, rows, level, position, np.zeros((people, 3)), np.ones(people, bool), np.zeros(people))
+        frame = {"time": time, "person": np.arange(people, dtype=np.int32), "position": position}
+        frame["level"] = np.array([one.index for one in levels], np.int32)
+        still = {"velocity": np.zeros((people, 3)), "speed": np.zeros(people), "contact_force": np.zeros(people)}
+        motion.add(frame | still | {"started": np.ones(people, bool)})
     everybody = np.zeros(people, np.int32)
     some = account_of_run(room[1])
     moves = replace(

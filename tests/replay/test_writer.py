@@ -4,45 +4,11 @@ import base64
 import re
 import zlib
 
-import numpy as np
 import pytest
 
 from evac.base.errors import ResultError
-from evac.building.model.cells import LevelField
-from evac.replay.motion import STREAMS, MotionPacker
 from evac.replay.writer import replay_trajectory
 from evac.trajectory.trajectory import read_trajectory
-
-PEOPLE = 30
-
-
-def states(count):
-    """Where everybody is on floor 0 at each time; the last ones leave one after the other."""
-    random = np.random.default_rng(3)
-    position = random.uniform(1.0, 5.0, (PEOPLE, 2))
-    for k in range(count):
-        rows = np.arange(PEOPLE - k, dtype=np.int32)
-        position = position + random.normal(0.0, 0.2, position.shape)
-        motion = random.normal(0.0, 0.3, (len(rows), 3)), rows < 5 * k
-        yield 0.5 * k, rows, np.zeros(len(rows), np.int32), position[rows], *motion, random.uniform(0.0, 3e3, len(rows))
-
-
-@pytest.mark.parametrize("has_smoke", [False, True])
-def test_packing_goes_on_from_its_state_to_the_same_bytes(building, has_smoke):
-    field = LevelField(building, "extinction", "1/m", 1.0) if has_smoke else None
-    whole, first, second = (MotionPacker(PEOPLE, building, field) for _ in range(3))
-    for k, state in enumerate(states(9)):
-        air = {"dose": 0.1 * k * state[1], "smoke": np.full(field.size, 0.3 * (k // 2))} if has_smoke else {}
-        whole.add(*state, **air)
-        if k < 4:
-            first.add(*state, **air)
-            continue
-        if k == 4:
-            second.restore(first.state())
-        second.add(*state, **air)
-    assert second.streams() == whole.streams()
-    assert (second.frames, whole.frames) == (9, 9)
-    assert set(whole.streams()) == set(STREAMS)
 
 
 def test_the_page_asks_nothing_of_a_network_and_shows_titles_as_they_are(descent):

@@ -14,7 +14,7 @@ from evac.base.errors import ResultError
 from evac.base.toml import case_text
 from evac.case.loading import load_case
 from evac.evidence.validation.page import SUBJECTS
-from evac.pictures.colouring import colouring
+from evac.pictures.scales import colouring
 from evac.report.of_run import run_report
 from evac.report.pages import Labels
 from evac.report.sections import Places

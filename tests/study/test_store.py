@@ -1,15 +1,13 @@
 """Rows on disk: what a kill leaves, what is read back, and in which order."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 import evac
-from evac.base.errors import ResultError
-from evac.folder.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME
+from evac.folder.files import RUNS_PARQUET_NAME, RUNS_STREAM_NAME
 from evac.study.execute import Row
 from evac.study.points import grid
 from evac.study.store import RowStore
@@ -136,64 +134,26 @@ def test_reading_changes_no_file(tmp_path, points):
     assert path.read_bytes().endswith(b"half a row")
 
 
-def test_a_damaged_table_is_refused(tmp_path, points):
-    filled(tmp_path, points, [(0, 0), (0, 1)]).compact([(0, 0), (0, 1)])
-    path, generator = tmp_path / RUNS_PARQUET_NAME, np.random.default_rng(2)
+def test_what_follows_the_last_whole_row_is_removed_when_a_study_is_complete(tmp_path, points):
+    filled(tmp_path, points, [(0, 0)]).close()
+    path = tmp_path / RUNS_STREAM_NAME
     whole = path.read_bytes()
-    for _ in range(100):
-        if (data := damaged(whole, generator)) != whole:
-            path.write_bytes(data)
-            with pytest.raises(ResultError, match=r"runs\.parquet"):
-                RowStore(tmp_path, points)
-    path.write_bytes(whole)
-    (tmp_path / RUNS_DIGEST_NAME).write_bytes(b"\xff")
-    with pytest.raises(ResultError, match=r"runs\.digest"):
-        RowStore(tmp_path, points)
+    path.write_bytes(whole + b"half a row")
+    RowStore(tmp_path, points).complete()
+    assert path.read_bytes() == whole
 
 
-@pytest.mark.parametrize("killed_at", ["runs.digest.new", "runs.new"])
-def test_a_kill_while_rows_are_compacted_loses_none(tmp_path, points, monkeypatch, killed_at):
-    filled(tmp_path, points, [(0, 0)]).compact([(0, 0)])
-    replace = Path.replace
-
-    def killed(self, target):
-        if self.name == killed_at:
-            raise KeyboardInterrupt
-        return replace(self, target)
-
-    for run in (1, 2):  # twice in a row
-        store = RowStore(tmp_path, points)
-        store.append(row(0, run))
-        monkeypatch.setattr(Path, "replace", killed)
-        with pytest.raises(KeyboardInterrupt):
-            store.compact(sorted(store.entries))
-        store.close()
-        monkeypatch.undo()
-    store = RowStore(tmp_path, points)
-    assert sorted(store.entries) == [(0, 0), (0, 1), (0, 2)]
-    store.compact(sorted(store.entries))
-    assert sorted(RowStore(tmp_path, points).entries) == [(0, 0), (0, 1), (0, 2)]
-
-
-def test_compacted_rows_are_sorted_whatever_their_order_was(tmp_path, points):
+def test_the_parquet_file_is_sorted_whatever_the_order_of_runs_was(tmp_path, points):
     keys = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1)]
     tables = []
-    for name, order in (("a", keys), ("b", keys[::-1])):
+    for name, order in (("a", keys), ("b", [*keys[::-1], (0, 1)])):  # a run that was made again
         (tmp_path / name).mkdir()
         store = filled(tmp_path / name, points, order)
-        store.compact(keys)
-        assert not (tmp_path / name / RUNS_STREAM_NAME).exists()
+        store.close()
+        store.write_parquet(tmp_path / name / RUNS_PARQUET_NAME)
         tables.append((tmp_path / name / RUNS_PARQUET_NAME).read_bytes())
     assert tables[0] == tables[1]
-    assert pq.read_table(tmp_path / "a" / RUNS_PARQUET_NAME).column("run").to_pylist() == [0, 1, 2, 0, 1]
-
-
-def test_a_compacted_study_takes_more_rows(tmp_path, points):
-    filled(tmp_path, points, [(0, 0), (1, 0)]).compact([(0, 0), (1, 0)])
-    store = RowStore(tmp_path, points)
-    assert list(store.entries) == [(0, 0), (1, 0)]
-    store.append(row(0, 1))
-    store.compact(sorted(store.entries))
-    found = RowStore(tmp_path, points).table()
-    assert found.column("point").to_pylist() == [0, 0, 1]
-    assert found.column("exit_time").to_pylist()[1] == [2.0, 3.0, 4.0]
+    table = pq.read_table(tmp_path / "a" / RUNS_PARQUET_NAME)
+    assert table.column("run").to_pylist() == [0, 1, 2, 0, 1]
+    assert RowStore(tmp_path / "b", points).table().column("seed").to_pylist() == [1, 2, 3, 1, 2]
+    assert table.column("exit_time").to_pylist()[1] == [2.0, 3.0, 4.0]

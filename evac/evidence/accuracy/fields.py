@@ -1,23 +1,122 @@
 """Accuracy, part d: travel times and directions against exact geodesics, over grid spacing and order."""
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from functools import cache
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 from scipy import ndimage
 
 from evac.base.arrays import FloatArray
+from evac.building.model.building import Building
+from evac.building.plan.plan import Plan
 from evac.case.schema import DirectionSettings
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
-from evac.evidence.accuracy.orders import order_of
-from evac.evidence.accuracy.plans import PLANS, TimedPlan
-from evac.evidence.accuracy.sweeping import FINE, CleanWays, clean_ways
+from evac.evidence.accuracy.reference import FINE, CleanWays, clean_ways, geodesics, refracted
+from evac.evidence.accuracy.trajectories import order_of
 from evac.evidence.evidence import Evidence, Row, new_figure
+from evac.evidence.scenes import plugins
 from evac.evidence.verdicts import reported
+from evac.simulation.assembly import read_building
+from evac.standard.plans import FLOOR, Shape, across, one_storey
+
+
+class TimedPlan(NamedTuple):
+    """A building with one exit whose travel times at 1 m/s along the slope are known."""
+
+    name: str
+    building: Building
+    level: int  # where people stand
+    points: FloatArray  # (p, 2) [m]
+    time: FloatArray  # (p,) [s]
+    direction: FloatArray  # (p, 2): unit directions of the shortest paths
+    lead: FloatArray  # (p,) [m]: see `evac.evidence.accuracy.reference.geodesics`; inf if there is only one path
+    wall_distance: FloatArray  # (p,) [m]
+
+
+def l_corner(points: int, generator: np.random.Generator) -> TimedPlan:
+    """Return an L-shaped corridor along the axes, 2 m wide."""
+    outline = shapely.Polygon([(0, 0), (8, 0), (8, 2), (2, 2), (2, 7), (0, 7)])
+    return _one_level("L-corner", outline, ((8.0, 0.0), (8.0, 2.0)), points, generator)
+
+
+def pillar(points: int, generator: np.random.Generator) -> TimedPlan:
+    """Return a room with a square pillar, turned by 20 degrees so that no wall lies along the grid."""
+    outline = shapely.box(0, 0, 8, 6) - shapely.box(3.2, 2.2, 4.8, 3.7)
+    turned = shapely.affinity.rotate(outline, 20.0, origin=(0, 0))
+    ends = shapely.affinity.rotate(shapely.LineString([(8, 2.5), (8, 3.5)]), 20.0, origin=(0, 0))
+    start, end = ends.coords
+    return _one_level("room with a pillar", turned, (start, end), points, generator)
+
+
+def school_floor(points: int, generator: np.random.Generator) -> TimedPlan:
+    """Return the upper floor of the shipped school, with an exit at the beginning of the stair."""
+    case = plugins().get("case", "primary_school")
+    building = read_building(Path(case) / "primary_school.msh")
+    top = max((level for level in building.levels if level.kind == "floor"), key=lambda level: level.z_max)
+    stair = next(portal for portal in building.portals if top.index in portal.levels)
+    segment = stair.segments[0] if stair.levels[0] == top.index else stair.segments[0][[2, 3, 0, 1]]
+    # Vertices of the mesh on straight walls are not corners of the outline.
+    outline = shapely.normalize(top.polygon).simplify(1e-9)
+    return _one_level("school floor", outline, (tuple(segment[:2]), tuple(segment[2:])), points, generator)
+
+
+def stair(points: int, generator: np.random.Generator) -> TimedPlan:
+    """Return a floor, a flight of 32 degrees beside its middle, and a floor below with the exit."""
+    slope, floor = math.radians(32.0), shapely.box(0, 0, 4, 5)
+    seams, door = [(4.0, 1.5, 4.0, 3.5), (7.0, 1.5, 7.0, 3.5)], (11.0, 3.6, 11.0, 4.8)
+    plan = Plan()
+    plan.storey("upper", floor, 3.0 * math.tan(slope))
+    plan.storey("lower", shapely.box(7, 0, 11, 5))
+    plan.stair("flight", "lower", across(7, 1.5, 3.5), "upper", across(4, 1.5, 3.5))
+    plan.exit("exit", "lower", across(11, 3.6, 4.8))
+    places = _places(floor, points, generator)
+    time, direction = refracted(places, [np.array(line) for line in (*seams, door)], [1.0, 1.0 / math.cos(slope), 1.0])
+    return _timed("over a stair", plan, "upper", places, time, direction, np.full(len(places), np.inf))
+
+
+PLANS = (l_corner, pillar, school_floor, stair)
+
+
+def _one_level(
+    name: str, outline: shapely.Polygon, ends: Shape, points: int, generator: np.random.Generator
+) -> TimedPlan:
+    places = _places(outline, points, generator)
+    known = geodesics(outline, np.array([*ends[0], *ends[1]]), places)
+    return _timed(name, one_storey(outline, exits={"exit": ends}), FLOOR, places, *known)
+
+
+def _timed(
+    name: str, plan: Plan, storey: str, places: FloatArray, time: FloatArray, direction: FloatArray, lead: FloatArray
+) -> TimedPlan:
+    building = plan.building()
+    level = next(level.index for level in building.levels if level.name == storey)
+    walls = shapely.linestrings(building.walls[building.wall_level == level].reshape(-1, 2, 2))
+    wall_distance = np.asarray(shapely.distance(shapely.points(places), shapely.multilinestrings(walls)))
+    return TimedPlan(name, building, level, places, time, direction, lead, wall_distance)
+
+
+def _places(polygon: shapely.Polygon, number: int, generator: np.random.Generator) -> FloatArray:
+    """Return random places (number, 2), half of them within 0.4 m of the outline, none closer than 0.05 m."""
+    low_x, low_y, high_x, high_y = polygon.bounds
+    inner = polygon.buffer(-0.05)
+    rim = inner - polygon.buffer(-0.4)
+    accepted = []
+    for where, wanted in ((inner, number - number // 2), (rim, number // 2)):
+        shapely.prepare(where)
+        places = np.zeros((0, 2))
+        while len(places) < wanted:
+            drawn = generator.uniform((low_x, low_y), (high_x, high_y), (4 * number, 2))
+            places = np.concatenate([places, drawn[shapely.contains_xy(where, drawn)]])
+        accepted.append(places[:wanted])
+    return np.concatenate(accepted)
+
 
 SPACINGS = (0.2, 0.1, 0.05, 0.025)
 ORDERS = (1, 2)
@@ -58,7 +157,7 @@ def run(evidence: Evidence) -> None:
     angles = evidence.measured(
         "angles",
         lambda: [
-            row for plan, (one, _) in zip(plans(), clean(), strict=True) for row in _angle_rows(plan, spacings, one)
+            row for plan, (fine, _) in zip(plans(), clean(), strict=True) for row in _angle_rows(plan, spacings, fine)
         ],
     )
     coarser = evidence.measured("clean_ways", lambda: _coarser_rows(plans(), clean(), _default_spacing(spacings)))
@@ -75,18 +174,18 @@ def _default_spacing(spacings: Sequence[float]) -> float:
 
 def _judge(evidence: Evidence, orders: Sequence[Row], angles: Sequence[Row], spacing: float) -> None:
     second = [row["of the mean error"] for row in orders if row["order of the stencil"] == 2]
-    told = f"{min(second):.2f} to {max(second):.2f}"
-    evidence.verdict(reported("Travel times: order of the mean error, stencil of order 2", told, "-", SECTION))
+    text = f"{min(second):.2f} to {max(second):.2f}"
+    evidence.verdict(reported("Travel times: order of the mean error, stencil of order 2", text, "-", SECTION))
     nearer = sum(row["ours, mean"] <= row["np.gradient, mean"] for row in angles)
     clear = [row["with clearance, mean"] for row in angles if row["spacing [m]"] == spacing]
-    told = f"{nearer} of {len(angles)}; with clearance {min(clear):.2g} to {max(clear):.2g} degrees off"
-    evidence.verdict(reported("Directions more accurate than np.gradient", told, "-", SECTION))
+    text = f"{nearer} of {len(angles)}; with clearance {min(clear):.2g} to {max(clear):.2g} degrees off"
+    evidence.verdict(reported("Directions more accurate than np.gradient", text, "-", SECTION))
 
 
 def _coarser_rows(plans: Sequence[TimedPlan], clean: Sequence[tuple[CleanWays, ...]], spacing: float) -> Iterator[Row]:
-    for plan, (one, other) in zip(plans, clean, strict=True):
-        sure = (one.to_meeting > CLEAR_CELLS * spacing) & (plan.time > CLEAR_EXIT)
-        change = float(angles_between(one.direction, other.direction)[sure].mean())
+    for plan, (fine, coarse) in zip(plans, clean, strict=True):
+        sure = (fine.to_meeting > CLEAR_CELLS * spacing) & (plan.time > CLEAR_EXIT)
+        change = float(angles_between(fine.direction, coarse.direction)[sure].mean())
         yield {"plan": plan.name, "mean change [degrees]": change}
 
 
@@ -144,11 +243,11 @@ def plain_directions(fields: Fields, plan: TimedPlan) -> FloatArray:
     return np.asarray(directions / np.maximum(np.hypot(*directions.T), 1e-300)[:, None])
 
 
-def angles_between(one: FloatArray, other: FloatArray) -> FloatArray:
+def angles_between(first: FloatArray, other: FloatArray) -> FloatArray:
     """Return the angles (p,) between unit vectors [degrees]; 180 where one of them is zero."""
-    cross = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    along = np.sum(one * other, axis=1)
-    is_missing = ~(one.any(axis=1) & other.any(axis=1))
+    cross = first[:, 0] * other[:, 1] - first[:, 1] * other[:, 0]
+    along = np.sum(first * other, axis=1)
+    is_missing = ~(first.any(axis=1) & other.any(axis=1))
     return np.where(is_missing, 180.0, np.degrees(np.abs(np.arctan2(cross, along))))
 
 

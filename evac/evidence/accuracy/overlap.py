@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evac.base.errors import SimulationError
-from evac.evidence.accuracy.orders import colour_of
-from evac.evidence.accuracy.snapshots import DoorCrowd, standing_crowd
+from evac.evidence.accuracy.problems import DoorCrowd, standing_crowd
+from evac.evidence.accuracy.trajectories import colour_of
 from evac.evidence.evidence import Evidence, Row, new_figure
 from evac.evidence.scenes import plugins
 from evac.evidence.verdicts import reported
@@ -59,10 +59,10 @@ def run(evidence: Evidence) -> None:
     people = 60 if evidence.quick else 300
     rows = evidence.measured("overlap", _rows, people, evidence.seed, evidence.quick)
     table = list(cheapest_rows(rows))
-    told = []
+    texts = []
     for model, group in itertools.groupby(table, key=lambda row: row["cheapest here"]):
-        told.append(f"{model or 'none'}: {', '.join(row['overlap allowed [mm]'] for row in group)} mm")
-    evidence.verdict(reported("Cheapest contact model by permitted overlap", "; ".join(told), "-", SECTION))
+        texts.append(f"{model or 'none'}: {', '.join(row['overlap allowed [mm]'] for row in group)} mm")
+    evidence.verdict(reported("Cheapest contact model by permitted overlap", "; ".join(texts), "-", SECTION))
     evidence.show("overlap", __name__, people=people, rows=rows, cheapest=table)
 
 

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.evidence.accuracy.problems import ContactProblem, Law, contact_problem, snapshots, velocity_error
-from evac.evidence.accuracy.snapshots import STEP
+from evac.evidence.accuracy.problems import STEP, ContactProblem, Law, contact_problem, snapshots, velocity_error
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.verdicts import at_least
 

@@ -87,8 +87,8 @@ def race_rows(rows: Sequence[Row], default: str) -> Iterator[Row]:
     for where in problems_of(rows):
         lines = lines_of(rows, where)
         for start, measure, goal in itertools.product(STARTS, MEASURES, WIN_GOALS):
-            found = {solver: time_to(lines[solver, start], goal, measure) for solver in solvers}
-            times = {solver: time for solver, time in found.items() if time is not None}
+            reached = {solver: time_to(lines[solver, start], goal, measure) for solver in solvers}
+            times = {solver: time for solver, time in reached.items() if time is not None}
             if times:
                 first = min(times, key=lambda solver: times[solver])
                 share = times[default] / times[first] if default in times else None
@@ -204,8 +204,8 @@ def _judge(evidence: Evidence, wins: Sequence[Row], factors: Sequence[Row], defa
     worst = max((row["greatest"] or 0.0 for row in by_error), default=0.0)
     evidence.verdict(reported("Its time divided by that of the first, maximum", f"{worst:.3g}", "1", SECTION))
     medians = [row["error / residual: median"] for row in factors]
-    told = f"{min(medians):.2g} to {max(medians):.2g}, at most {max(row['greatest'] for row in factors):.2g}"
-    evidence.verdict(reported("True error over residual, median of a problem", told, "-", SECTION))
+    text = f"{min(medians):.2g} to {max(medians):.2g}, at most {max(row['greatest'] for row in factors):.2g}"
+    evidence.verdict(reported("True error over residual, median of a problem", text, "-", SECTION))
 
 
 def _stage_rows(stage: Stage, seed: int) -> Iterator[Row]:
@@ -222,7 +222,9 @@ def _stage_rows(stage: Stage, seed: int) -> Iterator[Row]:
             for first in STARTS:
                 cap = LONG.get((kind, law.label, stage.people, first), stage.cap)
                 # Tolerances that are, as velocities, not below the precision of the reference.
-                tolerances = tuple(one for one in stage.tolerances if one > 0.99 * PRECISION * law.scale)
+                tolerances = tuple(
+                    tolerance for tolerance in stage.tolerances if tolerance > 0.99 * PRECISION * law.scale
+                )
                 for row in measure(problem, truth, solver, first == "warm", cap, tolerances):
                     yield {**head, "start": first, "solver": solver, **row, "reference run [s]": None}
 

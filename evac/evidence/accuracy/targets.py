@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from evac.evidence.accuracy.problems import LAWS, ContactProblem, contact_problem, default_solver, snapshots
-from evac.evidence.accuracy.snapshots import door_crowd
+from evac.evidence.accuracy.problems import LAWS, ContactProblem, contact_problem, default_solver, door_crowd, snapshots
 from evac.evidence.accuracy.solvers import affordable, median_solve
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.scenes import COARSE, plugins

@@ -190,8 +190,8 @@ def report_other_runs(evidence: Evidence, times: FloatArray) -> None:
     evidence.verdict(all_of(question, sum(good), len(good), OTHER_RUNS))
     for kind in (BLOCKED, "rare long runs"):
         shares = [row["covers [%]"] for row in rows if row["runs of"] == kind and row["statistic"] == "mean"]
-        told = f"{min(shares):.1f} to {max(shares):.1f} %"
-        evidence.verdict(reported(f"Coverage of the mean, {kind}", told, section=OTHER_RUNS))
+        text = f"{min(shares):.1f} to {max(shares):.1f} %"
+        evidence.verdict(reported(f"Coverage of the mean, {kind}", text, section=OTHER_RUNS))
     without = [row["no interval [%]"] for row in rows if row["statistic"] == "percentile 95" and row["runs"] < 72]
     question = "Studies of less than 72 populations without an interval of the 95th percentile"
     evidence.verdict(at_least(question, min(without), 100.0, "%", OTHER_RUNS))
@@ -202,8 +202,8 @@ def report_steps(evidence: Evidence) -> None:
     rows = evidence.measured("steps", _steps, evidence)
     evidence.show("steps", __name__, rows=rows)
     for name in dict.fromkeys(row["case"] for row in rows):
-        told = ", ".join(_change(row) for row in rows if row["case"] == name)
-        evidence.verdict(reported(f"Change of the mean with half the step, {name}", told, section=STEPS))
+        text = ", ".join(_change(row) for row in rows if row["case"] == name)
+        evidence.verdict(reported(f"Change of the mean with half the step, {name}", text, section=STEPS))
 
 
 def _change(row: Row) -> str:
@@ -236,8 +236,8 @@ def report_seeds(evidence: Evidence) -> None:
     rows = evidence.measured("seeds", _pairs, evidence)
     evidence.show("seeds", __name__, rows=rows)
     best, worst = (f(rows, key=lambda row: row["runs saved by"]) for f in (max, min))
-    told = f"{worst['runs saved by']:.2f} ({worst['change']}) to {best['runs saved by']:.2f} ({best['change']})"
-    evidence.verdict(reported("Factor by which independent seeds need more runs than common ones", told, section=SEEDS))
+    text = f"{worst['runs saved by']:.2f} ({worst['change']}) to {best['runs saved by']:.2f} ({best['change']})"
+    evidence.verdict(reported("Factor by which independent seeds need more runs than common ones", text, section=SEEDS))
 
 
 def report_work(evidence: Evidence) -> None:

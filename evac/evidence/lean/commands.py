@@ -25,8 +25,8 @@ def report_output(evidence: Evidence, repeats: int) -> None:
     section = "Picture and animation"
     for row in rows[1:]:
         what = "picture" if row["picture"] == "in" else "animation"
-        told = f"{row[FRESH]:.0f} ms, then {row[AGAIN]:.0f} ms"
-        evidence.verdict(reported(f"Square room: {what}, in a new process and again", told, "-", section))
+        text = f"{row[FRESH]:.0f} ms, then {row[AGAIN]:.0f} ms"
+        evidence.verdict(reported(f"Square room: {what}, in a new process and again", text, "-", section))
     evidence.show("output", __name__, fresh=fresh, repeats=repeats, rows=rows, section=section)
 
 

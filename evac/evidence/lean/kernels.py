@@ -37,9 +37,9 @@ def report_kernels(evidence: Evidence, cases: Sequence[KernelCase]) -> None:
     rows = evidence.measured("kernels", lambda: [row for case in cases for row in kernel_rows(case)])
     table = list(summary_rows(rows))
     for row in table:
-        told = f"{row['kernels']} kernels, {row[CPU]:.1f} CPU s;"
-        told += f" left out {row['left out: kernels']}, {row[f'left out: {CPU}']:.1f} CPU s"
-        evidence.verdict(reported(f"{row['scene']}, {row['model']}: compiling", told, "-", SECTION))
+        text = f"{row['kernels']} kernels, {row[CPU]:.1f} CPU s;"
+        text += f" left out {row['left out: kernels']}, {row[f'left out: {CPU}']:.1f} CPU s"
+        evidence.verdict(reported(f"{row['scene']}, {row['model']}: compiling", text, "-", SECTION))
     evidence.show("kernels", __name__, rows=rows, compiled=table)
 
 

@@ -110,8 +110,8 @@ def run(evidence: Evidence) -> None:
     for scene in dict.fromkeys(row["scene"] for row in rows):
         for column in ("loop [%]", "set-up [ms]"):
             most = max((row for row in rows if row["scene"] == scene), key=lambda row: row[column])
-            told = f"{most[column]:+.0f} ({most['part included']}, {most['model']})"
-            evidence.verdict(reported(f"{scene}: most expensive part, {column}", told, "-", PARTS))
+            text = f"{most[column]:+.0f} ({most['part included']}, {most['model']})"
+            evidence.verdict(reported(f"{scene}: most expensive part, {column}", text, "-", PARTS))
     evidence.show("parts", __name__, rows=rows, rounds=rounds, school_rounds=school_rounds)
     report_kernels(evidence, _kernel_cases(evidence.quick))
     report_output(evidence, rounds)

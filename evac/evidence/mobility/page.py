@@ -134,9 +134,9 @@ def run(evidence: Evidence) -> None:
     evidence.verdict(all_of(question, sum(through), len(through), "Doors"))
     for width in DOORS:
         alone, mixed, only = (shown[width, share] for share in SHARES)
-        told = f"{_told(mixed['flow [1/s]'])}, {_told(only['flow [1/s]'])} /s"
+        text = f"{_told(mixed['flow [1/s]'])}, {_told(only['flow [1/s]'])} /s"
         question = f"door of {width:g} m: flow with {100 * SHARES[1]:g} % and with wheelchairs alone"
-        evidence.verdict(reported(question, told, f"without: {_told(alone['flow [1/s]'])} /s", "Doors"))
+        evidence.verdict(reported(question, text, f"without: {_told(alone['flow [1/s]'])} /s", "Doors"))
     evidence.write_page(__name__)
 
 
@@ -156,15 +156,15 @@ def _speed_row(preset: str, place: str, speeds: FloatArray) -> Row:
 
 def _door_row(flows: list[Row], width: float, share: float) -> Row:
     own = [row for row in flows if (row["door [m]"], row["in wheelchairs [%]"]) == (width, round(100 * share))]
-    found = [row["flow [1/s]"] for row in own if row["flow [1/s]"] is not None]
-    mean = float(np.mean(found)) if found else None
+    known = [row["flow [1/s]"] for row in own if row["flow [1/s]"] is not None]
+    mean = float(np.mean(known)) if known else None
     return {
         "door [m]": width,
         "in wheelchairs [%]": round(100 * share),
         "flow [1/s]": mean,
         "per metre [1/s/m]": None if mean is None else mean / width,
         "SFPE [1/s]": SFPE_FLOW * (width - SFPE_EDGES) if share == 0.0 else None,
-        "blocked runs": f"{len(own) - len(found)} of {len(own)}",
+        "blocked runs": f"{len(own) - len(known)} of {len(own)}",
     }
 
 

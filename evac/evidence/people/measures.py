@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.analysis.flows import steady_flow
+from evac.analysis.lines import steady_flow
 from evac.base.arrays import FloatArray, IntArray
 
 Values = Mapping[str, float]
@@ -66,22 +66,12 @@ class Line(NamedTuple):
 
 
 class Track(NamedTuple):
-    """Places of all people at equal intervals.
+    """Places of all people at equal intervals."""
 
-    Attributes
-    ----------
-    time : (t,) float64 [s]
-    position : (t, n, 2) float64 [m]
-    inside : (t, n) bool
-        Whether a person has not left yet.
-    exit_time : (n,) float64 [s]
-        NaN for people who are left.
-    """
-
-    time: FloatArray
-    position: FloatArray
-    inside: NDArray[np.bool_]
-    exit_time: FloatArray
+    time: FloatArray  # (t,) [s]
+    position: FloatArray  # (t, n, 2) [m]
+    inside: NDArray[np.bool_]  # (t, n): whether a person has not left yet
+    exit_time: FloatArray  # (n,): NaN for people who are left [s]
 
     @property
     def tick(self) -> float:
@@ -158,16 +148,8 @@ def heading_rms(track: Track, time: float, line: Line) -> float:
 def corridor(track: Track, area: tuple[float, float], width: float, out: Line, shares: tuple[float, float]) -> Values:
     """Return density, speed and flow in a corridor along -y, and the speeds at several densities.
 
-    Parameters
-    ----------
-    track : Track
-    area : (y1, y2) [m]
-        The measuring area, over the whole width.
-    width : float [m]
-    out : Line
-        Where the flow is counted.
-    shares : (first, last)
-        Shares of the people who have passed the middle of the area when the steady part begins, and ends.
+    `area`: (y1, y2) of the measuring area, over the whole `width` [m]; the flow is counted at `out`; `shares` of the
+    people have passed the middle of the area when the steady part begins, and ends.
     """
     low, high = area
     passed = np.sort(passing_times(track, Line(1, 0.5 * (low + high), -1)))
@@ -206,16 +188,8 @@ def stair(track: Track, line: Line, flight: tuple[float, float], width: float, c
 def two_way(track: Track, sign: IntArray, half: float, width: float, times: tuple[float, float]) -> Values:
     """Return speed, density and flow of two crowds that walk along x, where they are mixed.
 
-    Parameters
-    ----------
-    track : Track
-    sign : (n,)
-        Direction of each person, 1 or -1.
-    half : float [m]
-        The measuring area is from -half to half.
-    width : float [m]
-    times : (begin, end) [s]
-        Moments between them count in which each crowd is 0.35 to 0.65 of the people in the area.
+    `sign` (n,): direction of each person, 1 or -1. The measuring area is from -half to half [m]. Between the `times`
+    [s], moments count in which each crowd is 0.35 to 0.65 of the people in the area.
     """
     x = track.position[:, :, 0]
     is_in = (np.abs(x) < half) & track.inside

@@ -30,26 +30,13 @@ CORRIDOR_ENDS = ((0.5, 1.8), (0.7, 1.8), (1.0, 1.8), (1.45, 1.8), (1.8, 1.8), (1
 
 
 class Experiment(NamedTuple):
-    """A building, its people, and what is measured there.
-
-    Attributes
-    ----------
-    plan : Plan
-    people : sequence of tables
-        The groups, without names.
-    speed : table
-        Distribution of walking speeds.
-    measure : callable
-        Called with the track of a run in which everybody came through.
-    line : Line or None
-        The run ends when everybody is beyond it; None if everybody must leave.
-    """
+    """A building, its people, and what is measured there."""
 
     plan: Plan
-    people: Sequence[Row]
-    speed: Mapping[str, Any]
-    measure: Callable[[Track], Values]
-    line: Line | None = None
+    people: Sequence[Row]  # the groups, without names
+    speed: Mapping[str, Any]  # distribution of walking speeds
+    measure: Callable[[Track], Values]  # called with the track of a run in which everybody came through
+    line: Line | None = None  # the run ends when everybody is beyond it; None if everybody must leave
 
 
 def narrow_door_scene() -> Experiment:

@@ -58,33 +58,16 @@ OPEN = (-math.inf, math.inf)
 
 @dataclass(frozen=True)
 class Value:
-    """A measured value, and where a run has it.
+    """A measured value, and where a run has it."""
 
-    Attributes
-    ----------
-    scenes : tuple of str
-        Scenes whose runs with the same seed make one value: their mean, weighted by the column `weight` if it has any.
-    column : str
-    measured : float or None
-        What people did; None if no experiment is known.
-    share : float or None
-        The target is the measured value within this share of it.
-    bounds : (low, high)
-        The target if there is no share; infinite where it is open.
-    question : str
-        Values with the same question are judged together at the head of the page.
-    is_held_out : bool
-        Whether it was never used for choosing parameters.
-    weight : str
-    """
-
+    # scenes whose runs with the same seed make one value: their mean, weighted by the column `weight` if it has any
     scenes: tuple[str, ...]
     column: str
-    measured: float | None = None
-    share: float | None = None
-    bounds: tuple[float, float] = OPEN
-    question: str = ""
-    is_held_out: bool = False
+    measured: float | None = None  # what people did; None if no experiment is known
+    share: float | None = None  # the target is the measured value within this share of it
+    bounds: tuple[float, float] = OPEN  # (low, high): the target if there is no share; infinite where it is open
+    question: str = ""  # values with the same question are judged together at the head of the page
+    is_held_out: bool = False  # whether it was never used for choosing parameters
     weight: str = ""
 
     @property
@@ -178,9 +161,9 @@ def found_row(value: Value, setting: str, model: str, runs: Sequence[Row]) -> Ro
     """
     own = [run for run in runs if run["scene"] in value.scenes and (run["setting"], run["model"]) == (setting, model)]
     blocked = sum(run[LEFT] > 0 for run in own)
-    found = estimate("mean", by_seed(value, own))
-    mean = found.value if found.runs else None
-    interval = (found.low, found.high) if found.has_interval else None
+    estimated = estimate("mean", by_seed(value, own))
+    mean = estimated.value if estimated.runs else None
+    interval = (estimated.low, estimated.high) if estimated.has_interval else None
     low, high = interval or (None, None)
     return {
         **{"value": value.name, "setting": setting, "model": model, "measured": value.measured, "target": value.wanted},
@@ -194,10 +177,10 @@ def found_row(value: Value, setting: str, model: str, runs: Sequence[Row]) -> Ro
 
 def by_seed(value: Value, runs: Sequence[Row]) -> FloatArray:
     """Return one value for each seed that has any, (seeds,)."""
-    found = []
+    means = []
     for seed in sorted({run["seed"] for run in runs}):
         own = [run for run in runs if run["seed"] == seed and run[value.column] is not None]
         if own:
             weights = [run[value.weight] if value.weight else 1 for run in own]
-            found.append(float(np.average([run[value.column] for run in own], weights=weights)))
-    return np.array(found)
+            means.append(float(np.average([run[value.column] for run in own], weights=weights)))
+    return np.array(means)

@@ -25,8 +25,8 @@ def run(evidence: Evidence, models: tuple[str, ...], step: float) -> None:
     rows = evidence.measured("headway", _rows, people, evidence.seed, models, step)
     ratios = [row["with / without"] for row in rows]
     section = "What headway costs and saves"
-    told = f"{min(ratios):.2f} to {max(ratios):.2f}"
-    evidence.verdict(reported("Time with headway divided by time without", told, "-", section))
+    text = f"{min(ratios):.2f} to {max(ratios):.2f}"
+    evidence.verdict(reported("Time with headway divided by time without", text, "-", section))
     evidence.show("headway", __name__, people=people, rows=rows, section=section)
 
 

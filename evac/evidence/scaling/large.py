@@ -95,8 +95,8 @@ def peak_memory() -> int:
     """Return the most memory that this process has had so far [bytes]."""
     status = Path("/proc/self/status")
     if status.is_file():  # what getrusage tells includes the parent's, up to the start of this program
-        told = dict(line.split(":", 1) for line in status.read_text().splitlines())
-        return 1024 * int(told["VmHWM"].split()[0])
+        fields = dict(line.split(":", 1) for line in status.read_text().splitlines())
+        return 1024 * int(fields["VmHWM"].split()[0])
     import resource
 
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)

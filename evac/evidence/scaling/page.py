@@ -89,9 +89,9 @@ def _judge_halls(evidence: Evidence, rows: list[Row]) -> None:
                 if (row["state"], row["model"]) == (state, name) and row["ns per person-step"] is not None
             }
             last = list(costs.items())[-3:]
-            told = "; ".join(f"{cost:.0f}, {ratio:.1f} times ({people:,})" for people, (cost, ratio) in last)
+            text = "; ".join(f"{cost:.0f}, {ratio:.1f} times ({people:,})" for people, (cost, ratio) in last)
             what = f"{name}, {state} [ns per person-step], times the minimal kernel (people)"
-            evidence.verdict(reported(what, told or "refused", "-", HALLS))
+            evidence.verdict(reported(what, text or "refused", "-", HALLS))
     memory_used = max(row["bytes per person"] for row in rows if row["people"] == largest)
     evidence.verdict(reported(f"Memory, {largest:,} people [bytes per person]", f"{memory_used:.0f}", "-", HALLS))
     walked = sum(row["ns per person-step"] is not None for row in rows)
@@ -217,12 +217,12 @@ def _school_claims(repeats: int) -> list[Row]:
     with TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "evac", "run", "primary_school", "--out", str(Path(folder) / "result")]
         whole = timed(lambda: subprocess.run(command, check=True, capture_output=True), repeats)
-    found = {
+    claims = {
         "School, simulated time over wall time of the loop": _middle(speeds),
         "School, share of the loop outside the compiled tick [%]": _middle(shares),
         "evac run primary_school, whole command [s]": whole.median,
     }
-    return [{"what": what, "measured": measured, "times minimal": None} for what, measured in found.items()]
+    return [{"what": what, "measured": measured, "times minimal": None} for what, measured in claims.items()]
 
 
 def _middle(values: list[float]) -> float:

@@ -185,8 +185,8 @@ def tolerable_jitter(variant: str, step: float) -> float:
 def static_overlap(evidence: Evidence) -> list[str]:
     """Tabulate the overlap of one person pressed against a wall under DEM, beside F / k."""
     rows = evidence.measured("static_overlap", _static_rows)
-    told = f"{max(row['error'] for row in rows):.1g}"
-    evidence.verdict(reported("DEM: static overlap, relative error", told, "0 (theory)", "DEM: stiffness and step"))
+    text = f"{max(row['error'] for row in rows):.1g}"
+    evidence.verdict(reported("DEM: static overlap, relative error", text, "0 (theory)", "DEM: stiffness and step"))
     evidence.show("static_overlap", __name__, rows=rows)
     return []
 
@@ -236,8 +236,8 @@ def _force_rows(quick: bool) -> Iterator[Row]:
             row: dict[str, Any] = {"model": variant, "drive": drive}
             for step in steps:
                 forces = pressed_forces(variant, step, drive == "explicit")
-                told = "refused" if forces is None else f"{forces.mean():.4f} +- {forces.std():.2g}"
-                row[f"h = {step:g} s"] = told
+                text = "refused" if forces is None else f"{forces.mean():.4f} +- {forces.std():.2g}"
+                row[f"h = {step:g} s"] = text
             share = 1.0 if drive == "explicit" else -float(np.expm1(-0.01 / 0.5)) * 0.5 / 0.01
             yield row | {"theory, h = 0.01 s": share}
 

@@ -32,6 +32,6 @@ def run(evidence: Evidence) -> None:
         if here:
             evidence.verdict(all_of(f"{heading}: cells not wrong", len(here) - here.count(WRONG), len(here), heading))
         kinds.update(here)
-    told = ", ".join(f"{kinds[kind]} {kind}" for kind in VERDICTS)
-    evidence.verdict(reported("All cells and scenes", told, "0 wrong", "Verdicts on cells and scenes"))
+    text = ", ".join(f"{kinds[kind]} {kind}" for kind in VERDICTS)
+    evidence.verdict(reported("All cells and scenes", text, "0 wrong", "Verdicts on cells and scenes"))
     evidence.write_page(__name__)

@@ -87,9 +87,9 @@ class Trial:
     def handling(self) -> str:
         """Return the engine's counts of corrections and failures as text; empty if there are none."""
         counted = {key.replace("_", " "): count for key, count in self.report.items() if key not in ORDINARY}
-        told = [f"{count:.0f} {words}" for words, count in counted.items() if count]
+        texts = [f"{count:.0f} {words}" for words, count in counted.items() if count]
         extra = self.report["sub_steps"] - self.report["steps"]
-        return ", ".join([*told, *([f"{extra:.0f} more sub-steps"] if extra > 0 else [])])
+        return ", ".join([*texts, *([f"{extra:.0f} more sub-steps"] if extra > 0 else [])])
 
 
 class Verdict(NamedTuple):
@@ -173,8 +173,8 @@ def judge(
         return Verdict(WRONG, error, "error not finite")
     if error <= right:
         return Verdict(HANDLED if handling else RIGHT, error, handling)
-    told = f"; {handling}" if handling else ""
-    words = f"{error:.2g} {unit}, {error / right:.2g} times the bound{told}"
+    text = f"; {handling}" if handling else ""
+    words = f"{error:.2g} {unit}, {error / right:.2g} times the bound{text}"
     if error <= tolerable:
         return Verdict(DEGRADED, error, words)
     if is_reported or any(trial.report.get(key, 0.0) for key in FAILURES):
@@ -204,9 +204,9 @@ def greatest_overlap(trial: Trial) -> float:
     was removed immediately is reported by the count of position corrections.
     """
     frames = [deepest_overlap(trial.scene, position) for position in trial.position]
-    told = trial.report["greatest_overlap"]
-    is_told = max(frames[:-1]) <= told + CONCEALED or trial.report["position_corrections"] > 0
-    return max(*frames, told) if is_told else np.inf
+    reported = trial.report["greatest_overlap"]
+    is_told = max(frames[:-1]) <= reported + CONCEALED or trial.report["position_corrections"] > 0
+    return max(*frames, reported) if is_told else np.inf
 
 
 def last_overlap(trial: Trial) -> float:

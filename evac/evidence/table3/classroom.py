@@ -48,8 +48,8 @@ def report_classroom(evidence: Evidence) -> None:
     desks = evidence.measured("classroom_desks", lambda: _desk_rows(measured()))
     section = "The classroom: blocked runs and escape times per desk (section 4.2)"
     for row in blocked:
-        told = f"{row['blocked']} of {row['runs']} ({row['from [%]']:.0f} to {row['to [%]']:.0f} %)"
-        evidence.verdict(reported(f"Classroom, {row['model']}: blocked runs", told, PUBLISHED[row["model"]], section))
+        text = f"{row['blocked']} of {row['runs']} ({row['from [%]']:.0f} to {row['to [%]']:.0f} %)"
+        evidence.verdict(reported(f"Classroom, {row['model']}: blocked runs", text, PUBLISHED[row["model"]], section))
     rows = {"blocked": blocked, "everybody": everybody, "desks": desks}
     falls = [f"{falls_of(desks, name)} ({name})" for name in MODELS]
     evidence.show("classroom", __name__, section=section, runs=runs, seed=evidence.seed, falls=falls, **rows)

@@ -36,8 +36,8 @@ HIT = (START - RADIUS) * float(np.sqrt(2.0))
 def draw_figure_2(evidence: Evidence) -> None:
     """Add the disc that hits the ground, NSM1 beside NSM2 (K_N = K_T = 0)."""
     rows = evidence.measured("figure2", lambda: _figure_2()[0])
-    told = ", ".join(f"{row['gap after contact [mm]']:z.3f} mm ({row['model']})" for row in rows)
-    evidence.verdict(reported("Gap after hitting the ground", told, "-", "Figure 2 of the paper"))
+    text = ", ".join(f"{row['gap after contact [mm]']:z.3f} mm ({row['model']})" for row in rows)
+    evidence.verdict(reported("Gap after hitting the ground", text, "-", "Figure 2 of the paper"))
     formats = {key: "z.6f" for key in rows[0] if key != "model"}
     evidence.show("figure_2", __name__, rows=rows, formats=formats, draw=lambda: _figure_2()[1])
 
@@ -75,9 +75,9 @@ def _figure_2() -> tuple[list[Row], Any]:
 def draw_figure_3(evidence: Evidence) -> None:
     """Add two people who walk into each other, for several tau, under NSM2."""
     rows = evidence.measured("figure3", lambda: _figure_3()[0])
-    told = ", ".join(f"{row[BACK]:.2f} s (tau {row['tau [s]']:g} s)" for row in rows)
+    text = ", ".join(f"{row[BACK]:.2f} s (tau {row['tau [s]']:g} s)" for row in rows)
     evidence.verdict(
-        reported("NSM2: time to 95 % of the desired velocity after a hit", told, "-", "Figure 3 of the paper")
+        reported("NSM2: time to 95 % of the desired velocity after a hit", text, "-", "Figure 3 of the paper")
     )
     evidence.show("figure_3", __name__, rows=rows, draw=lambda: _figure_3()[1])
 

@@ -85,8 +85,8 @@ def _judge_flows(evidence: Evidence, rows: Sequence[Row], changes: Sequence[Row]
             question = f"{row['model']}: Q of runs at h = {DEFAULT:g} s over that at {fine:g} s"
             evidence.verdict(surely_at_most(question, bias, half, LITTLE, "%", SECTION))
     specific = [row["per metre [1/s/m]"] for row in rows]
-    told = f"{min(specific):.1f} to {max(specific):.1f}"
-    evidence.verdict(reported("Flow per metre of door, all models [1/s/m]", told, f"{WEIDMANN} (Weidmann)", SECTION))
+    text = f"{min(specific):.1f} to {max(specific):.1f}"
+    evidence.verdict(reported("Flow per metre of door, all models [1/s/m]", text, f"{WEIDMANN} (Weidmann)", SECTION))
 
 
 def _flows(evidence: Evidence, plan: Mapping[float, tuple[int, int]]) -> tuple[FlowTable, FlowTable]:

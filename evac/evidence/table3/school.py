@@ -49,11 +49,11 @@ def report_school(evidence: Evidence) -> None:
 
     rows = evidence.measured("school", lambda: [school_row(name, measured()[name]) for name in VARIANTS])
     section = "The primary school: egress curves (section 4.3)"
-    told = "; ".join(
+    text = "; ".join(
         f"{row['last out, mean [s]']:.1f} s, {row['longest pause, mean [s]']:.1f} s ({row['variant']})" for row in rows
     )
     stall = f"pause of the exercise: {STALL[1] - STALL[0]:.0f} s"
-    evidence.verdict(reported("School: last out, longest pause between exits, means", told, stall, section))
+    evidence.verdict(reported("School: last out, longest pause between exits, means", text, stall, section))
     curves = evidence.measured("school_egress", lambda: _curve_rows(measured()))
     tables = {"rows": rows, "curves": curves, "draw": lambda: _draw(measured())}
     evidence.show("school", __name__, section=section, runs=runs, seed=evidence.seed, **tables)
@@ -92,24 +92,24 @@ def school_row(name: str, runs: SchoolRuns) -> Row:
     return row
 
 
-def _grid(found: Mapping[str, SchoolRuns]) -> FloatArray:
-    end = max(float(np.nanmax(runs.times)) for runs in found.values())
+def _grid(variants: Mapping[str, SchoolRuns]) -> FloatArray:
+    end = max(float(np.nanmax(runs.times)) for runs in variants.values())
     return np.arange(0.0, np.ceil(end) + 0.5, 0.5)
 
 
-def _curve_rows(found: Mapping[str, SchoolRuns]) -> list[Row]:
-    rows: list[Row] = [{"time [s]": float(time)} for time in _grid(found)]
-    for name, runs in found.items():
-        out = curve(runs.times, _grid(found))
+def _curve_rows(variants: Mapping[str, SchoolRuns]) -> list[Row]:
+    rows: list[Row] = [{"time [s]": float(time)} for time in _grid(variants)]
+    for name, runs in variants.items():
+        out = curve(runs.times, _grid(variants))
         for row, mean, low, high in zip(rows, out.mean(axis=0), out.min(axis=0), out.max(axis=0), strict=True):
             row |= {f"{name}, mean": float(mean), f"{name}, least": float(low), f"{name}, greatest": float(high)}
     return rows
 
 
-def _draw(found: Mapping[str, SchoolRuns]) -> Any:
-    grid = _grid(found)
+def _draw(variants: Mapping[str, SchoolRuns]) -> Any:
+    grid = _grid(variants)
     figure, axes = new_figure(9.0, 4.2, 1, 2, sharex=True, sharey=True)
-    for axis, (name, runs) in zip(axes, found.items(), strict=True):
+    for axis, (name, runs) in zip(axes, variants.items(), strict=True):
         out = curve(runs.times, grid)
         for line in out:
             axis.plot(grid, line, color=COLOURS[name], alpha=0.15 if len(out) > 20 else 0.4, linewidth=0.7)

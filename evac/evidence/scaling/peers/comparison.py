@@ -117,8 +117,8 @@ def run(evidence: Evidence, step: float) -> None:
         return
     sizes = QUICK_SIZES if evidence.quick else SIZES
     rows = evidence.measured("peers", _rows, peers, sizes, evidence.seed, step)
-    told = "; ".join(_told(peer, rows) for peer in peers)
-    evidence.verdict(reported("Time of a person-step of other programs divided by that of evac", told, "-", SECTION))
+    text = "; ".join(_told(peer, rows) for peer in peers)
+    evidence.verdict(reported("Time of a person-step of other programs divided by that of evac", text, "-", SECTION))
     missing = ", ".join(peer.name for peer in PEERS if peer not in peers) or "none"
     evidence.show("comparison", __name__, step=step, peers=peers, missing=missing, rows=rows)
 
@@ -131,8 +131,8 @@ def _told(peer: Peer, rows: list[Row]) -> str:
         own = times.get((people, start, peer.same.get(name, BASE)))
         if name in peer.models and theirs and own:
             ratios.append(theirs / own)
-    told = f"{min(ratios):.1f} to {max(ratios):.1f}" if ratios else "no step made"
-    return f"{peer.name} {told} ({'the same model' if peer.same else 'DEM'})"
+    text = f"{min(ratios):.1f} to {max(ratios):.1f}" if ratios else "no step made"
+    return f"{peer.name} {text} ({'the same model' if peer.same else 'DEM'})"
 
 
 def _rows(peers: Iterable[Peer], sizes: tuple[int, ...], seed: int, step: float) -> Iterator[Row]:

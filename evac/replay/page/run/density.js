@@ -1,4 +1,4 @@
-// Grids on all levels, and densities on them: those of evac/analysis/grid.py, which defines them.
+// Grids on all levels, and densities on them: those of evac/analysis/maps.py, which defines them.
 
 const KERNEL_RADIUS = 0.7;  // [m]
 const TRUNCATED = 3.5;  // The kernel ends at so many standard deviations.
