@@ -90,15 +90,16 @@ def map_name(quantity: str) -> str:
     return f"map_{quantity}.png"
 
 
-def sync_file(path: Path) -> None:
-    """Flush the content of a file to the disk."""
-    _sync(path, os.O_RDWR)
-
-
-def sync_folder(folder: Path) -> None:
-    """Flush the entries of a folder to the disk, if the system supports it."""
-    if os.name != "nt":
-        _sync(folder, os.O_RDONLY)
+def sync(path: Path) -> None:
+    """Flush the content of a file, or the entries of a folder, which Windows does not support, to the disk."""
+    is_folder = path.is_dir()
+    if is_folder and os.name == "nt":
+        return
+    descriptor = os.open(path, os.O_RDONLY if is_folder else os.O_RDWR)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 @contextmanager
@@ -118,13 +119,13 @@ def replacing(path: Path, what: str, is_synced: bool = True) -> Iterator[Path]:
             new.touch(exist_ok=False)
             yield new
             if is_synced:
-                sync_file(new)
+                sync(new)
                 digest = hashlib.sha256(new.read_bytes()).hexdigest()
             os.replace(new, path)
         finally:
             new.unlink(missing_ok=True)
         if is_synced:
-            sync_folder(path.parent)
+            sync(path.parent)
             note_written([path], sha256=digest)
 
 
@@ -148,14 +149,6 @@ def draft_in(folder: Path) -> Iterator[Path]:
                 os.replace(path, new)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
-
-
-def _sync(path: Path, mode: int) -> None:
-    descriptor = os.open(path, mode)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 @contextmanager

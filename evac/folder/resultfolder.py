@@ -24,8 +24,7 @@ from evac.folder.files import (
     TEMPORARY,
     mark,
     read_manifest,
-    sync_file,
-    sync_folder,
+    sync,
     writing,
 )
 from evac.folder.lock import locked
@@ -112,10 +111,10 @@ class ResultFolder:
         with writing("the results", self.path):
             for path in sorted(self.running.iterdir()):  # not the frames of an animation, which can be written again
                 if path.is_file():
-                    sync_file(path)
+                    sync(path)
             mark(self.running, COMPLETE, self._place.name)
-            sync_file(self.running / MANIFEST_NAME)
-            sync_folder(self.running)
+            sync(self.running / MANIFEST_NAME)
+            sync(self.running)
             self._replace()
         return self.path
 
@@ -136,7 +135,7 @@ class ResultFolder:
             remove_written(self._place)
             carry_over(self._place, self.running)
         os.rename(self.running, self._place)
-        sync_folder(self._place.parent)
+        sync(self._place.parent)
 
     def _clear(self) -> None:
         """Remove the files of an earlier run in ``RESULT.running``, but not the runs of a stopped study."""
@@ -211,16 +210,16 @@ def check_folder(folder: Path) -> None:
 def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
     """Remove the files that the manifest of a folder lists; links are neither followed nor removed."""
     kept = set(keep)
-    listed = [name for name in read_manifest(folder).files if is_within(name) and not is_link(folder, name)]
-    for name in listed:
+    for name in read_manifest(folder).files:
         path = folder / name
-        if name not in kept and path.is_file():
+        if name in kept or not is_within(name) or is_link(folder, name):
+            continue
+        if path.is_file():
             path.unlink()
         elif path.name.startswith(TEMPORARY) and path.is_dir():  # the draft of a killed export
             shutil.rmtree(path)
-    parents = {folder / parent for name in listed for parent in PurePath(name).parents} - {folder}
-    for parent in sorted(parents, key=lambda parent: -len(parent.parts)):
-        _remove_if_empty(parent)
+        for parent in path.parents[: len(PurePath(name).parts) - 1]:
+            _remove_if_empty(parent)
 
 
 def carry_over(source: Path, target: Path, manifest: str = MANIFEST_NAME) -> None:

@@ -73,7 +73,10 @@ def building_from_json(data: Mapping[str, Any]) -> Building:
     """Return the building from the output of `building_to_json`."""
     parts: dict[str, Any] = {}
     for key, kind in PARTS.items():
-        rows = [{name: READ.get(name, _same)(value) for name, value in row.items()} for row in data.get(key, ())]
+        rows = [
+            {name: READ[name](value) if name in READ else value for name, value in row.items()}
+            for row in data.get(key, ())
+        ]
         is_numbered = any(field.name == "index" for field in fields(kind))
         parts[key] = tuple(kind(**{"index": k} if is_numbered else {}, **row) for k, row in enumerate(rows))
     return Building(
@@ -86,7 +89,3 @@ def building_from_json(data: Mapping[str, Any]) -> Building:
         closed=frozenset(data["closed"]),
         **parts,
     )
-
-
-def _same(value: Any) -> Any:
-    return value

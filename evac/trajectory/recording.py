@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evac.base.errors import EvacError, ResultError, plugin_code
 from evac.base.saved import part_of, state_of
 from evac.folder.digests import RunningDigest
-from evac.folder.files import MANIFEST_NAME, note_written, read_manifest, sync_file, writing
+from evac.folder.files import MANIFEST_NAME, note_written, read_manifest, sync, writing
 from evac.trajectory.recorder import Recorder
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ class Recording:
             return files
         for name, length in self.files().items():
             with writing(f"{name} at the checkpoint", self._folder):
-                sync_file(self._folder / name)
+                sync(self._folder / name)
             digest = self._digests.setdefault(name, RunningDigest()).extend(self._folder / name, length)
             files[name] = {"length": length, "sha256": digest}
         return files

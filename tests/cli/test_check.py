@@ -20,7 +20,7 @@ def _lines(text, start):
 def test_shows_the_building_and_the_people(evac, capsys):
     assert evac("check", "primary_school") == 0
     out, err = capsys.readouterr()
-    assert _lines(out, "ground")[0] == ["ground", "floor", "0.00", "162.5", "0", "125"]
+    assert _lines(out, "ground")[0] == ["ground", "floor", "0.00", "162.5", "0", "level", "125"]
     assert _lines(out, "main_door")[0] == ["main_door", "ground", "1.8", "open"]
     assert _lines(out, "class_0a")[1][:3] == ["class_0a", "22", "ground"]
     assert "People: 136." in out
