@@ -28,7 +28,18 @@ class EvacError(Exception):
 
 
 class BuildingError(EvacError):
-    """A building file or the building read from it cannot be used; names the file and the place."""
+    """A building file or the building read from it cannot be used; names the file and the place.
+
+    Attributes
+    ----------
+    findings : tuple of Finding
+        All errors, if they are about items of a plan or places of a building; each is a line of the text.
+    building : Building or None
+        The building of what is right in the plan.
+    """
+
+    findings: tuple[Any, ...] = ()
+    building: Any = None
 
 
 class ScenarioError(EvacError):

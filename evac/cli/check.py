@@ -1,16 +1,19 @@
 """Commands that read a case or a building without running it: evac check, evac explain, evac conditions."""
 
 import argparse
+import itertools
+import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
-from itertools import permutations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.base.display import Display
 from evac.base.errors import BuildingError, EvacError, ResultError, in_order
 from evac.cli.inputs import case_of, case_to_run, declare_case, note_unused_plugins
+from evac.cli.messages import note
 from evac.cli.screen import show_facts, show_table, show_warnings
 from evac.contract.hooks import DEFAULT_FIRE
 from evac.folder.files import CHECKPOINT_NAME, COMPLETE, STUDY_NAME, SUMMARY_NAME, TRAJECTORY_NAME, read_manifest
@@ -37,6 +40,8 @@ def declare_check(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac check`."""
     declare_case(parser, "CASE|BUILDING|RESULT")
     parser.add_argument("--verbose", action="store_true", help="show the portals within stairs as well")
+    what = "print all errors and findings as JSON: number, kind, storey, level, place, item, text and remedy"
+    parser.add_argument("--json", action="store_true", help=what)
     what = "draw every level with all names and with warnings marked at their places (.png, .svg, .pdf)"
     parser.add_argument("--picture", type=Path, metavar="FILE", help=what)
 
@@ -59,13 +64,22 @@ def execute_check(arguments: argparse.Namespace) -> int:
 
         if arguments.set or arguments.seed is not None:
             raise ScenarioError(f"{path}: --set and --seed apply to a case, not to a building file; remove them")
-        building = read_building(path, registry=Registry(arguments.plugins), need_exit=False)
+        with _telling(arguments, path.name) as told:
+            building = read_building(path, registry=Registry(arguments.plugins), need_exit=False)
+            told += building.findings
+            if arguments.json:
+                _draw(arguments.picture, building, told, path.name)
+                check_exits(building)
+        if arguments.json:
+            return print_findings(path, told)
         show_building(building, arguments.verbose)
         show_warnings(building.warnings)
         _draw(arguments.picture, building, building.findings, path.name)
         # Last, so that a user who has to add an exit sees the levels first.
         check_exits(building)
         return 0
+    if arguments.json:
+        return check_as_json(arguments)
     case = case_of(arguments)
     show_facts({"case": case.title or case.folder.name, "file": case.source})
     if case.unloaded_files:
@@ -76,8 +90,10 @@ def execute_check(arguments: argparse.Namespace) -> int:
     from evac.simulation.simulation import Simulation
 
     try:
-        with Display(has_lines=False) as display:
+        with Display(has_lines=False) as display, _telling(arguments, case.title):
             simulation = Simulation(case, will_run=False, compiling=display.compiling)
+    except BuildingError:
+        raise
     except EvacError:
         # The building helps to understand errors about people or directions.
         from evac.simulation.assembly import make_building
@@ -99,6 +115,60 @@ def execute_check(arguments: argparse.Namespace) -> int:
         )
         _draw(arguments.picture, building, (*building.findings, *narrow, *simulation.stopping), case.title)
     return 0
+
+
+def check_as_json(arguments: argparse.Namespace) -> int:
+    """Print the errors and findings of a case as JSON."""
+    from evac.building.model.findings import Finding
+    from evac.simulation.simulation import Simulation
+
+    with _telling(arguments, "") as told:
+        case = case_of(arguments)
+        with Display(has_lines=False) as display:
+            simulation = Simulation(case, will_run=False, compiling=display.compiling)
+        told += simulation.building.findings
+        known = {str(finding) for finding in told}
+        told += [Finding("warning", text) for text in simulation.warnings() if text not in known]
+        _draw(arguments.picture, simulation.building, told, case.title)
+    return print_findings(Path(arguments.case), told)
+
+
+@contextmanager
+def _telling(arguments: argparse.Namespace, title: str) -> "Iterator[list[Finding]]":
+    """Yield a list of findings, to which errors are added if JSON is asked for; else they are drawn and raised."""
+    from evac.building.model.findings import Finding
+
+    told: list[Finding] = []
+    try:
+        yield told
+    except EvacError as error:
+        found, building = (error.findings, error.building) if isinstance(error, BuildingError) else ((), None)
+        if building is not None:
+            _draw(arguments.picture, building, (*found, *building.findings), title)
+        if not arguments.json:
+            raise
+        told += found or [Finding("error", line) for line in str(error).splitlines()]
+
+
+def print_findings(path: Path, findings: "Sequence[Finding]") -> int:
+    """Print findings as JSON, with the numbers that they have in pictures; return 2 if there are errors."""
+    numbers = itertools.count(1)
+    rows = [
+        {
+            "number": next(numbers) if one.kind != "found" else None,
+            "kind": one.kind,
+            "storey": one.storey,
+            "level": one.level,
+            "place": one.place,
+            "item": one.item,
+            "text": one.text,
+            "remedy": one.remedy,
+        }
+        for one in findings
+    ]
+    errors = sum(one.kind == "error" for one in findings)
+    print(json.dumps({"file": str(path), "errors": errors, "findings": rows}, indent=1, ensure_ascii=False))
+    return 2 if errors else 0
 
 
 def check_result(path: Path) -> int:
@@ -231,7 +301,7 @@ def _draw(path: Path | None, building: "Building", findings: "Sequence[Finding]"
         from evac.pictures.annotated import draw_levels
 
         draw_levels(building, path, findings, title=title)
-        print(f"drawn: {path}")
+        note(f"drawn: {path}")
 
 
 def show_building(building: "Building", is_verbose: bool) -> None:
@@ -262,7 +332,7 @@ def show_building(building: "Building", is_verbose: bool) -> None:
     def state(link: "Portal | Exit") -> str:
         return "open" if building.is_open(link) else "closed"
 
-    within = {levels for parts in building.stairs.values() for levels in permutations(parts, 2)}
+    within = {levels for parts in building.stairs.values() for levels in itertools.permutations(parts, 2)}
     rows = [
         (p.name, round(p.width, 3), state(p)) for p in building.portals if is_verbose or tuple(p.levels) not in within
     ]

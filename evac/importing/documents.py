@@ -89,7 +89,7 @@ def report_text(made: "Imported", digests: Mapping[str, str]) -> str:
     runs = "The case can be run." if not made.fault else f"The case cannot be run yet: {made.fault}."
     if not made.is_accepted:
         runs = "No case has been written, since the building is incomplete; `--partial` imports what there is."
-    text = [f"# Import of {names}", "", runs, "", *_listed(made, KINDS[:1])]
+    text = [f"# Import of {names}", "", runs, "", *_listed(made, ["missing"])]
     text += ["![every level](levels.png)", "", "## Levels", ""]
     number = {room.name: room.number for room in made.rooms}
     rows = [
@@ -107,7 +107,7 @@ def report_text(made: "Imported", digests: Mapping[str, str]) -> str:
     text += ["## People", ""]
     rooms = [(room.name, room.key, f"{room.ground:.2f}", number[room.name]) for room in made.rooms]
     text += table(("room", "kind", "area [m2]", "people"), rooms) if rooms else ["None.", ""]
-    text += _listed(made, KINDS[1:])
+    text += _listed(made, [kind for kind in KINDS if kind != "missing"])
     text += ["## Options", "", *table(("option", "value"), [(key, repr(one)) for key, one in made.options.items()])]
     return "\n".join([*text, *(f"{name} as written: {digest}" for name, digest in digests.items()), ""])
 

@@ -122,7 +122,7 @@ def import_building(
     changed = _changed_files(place)
     importers, own, values = _options(paths, dict(options or {}), registry)
     findings = list[Finding]()
-    with _drafted(place) as draft:
+    with _drafted(place, paths[0]) as draft:
         building = _Draft(draft, own, registry)
         if PLAN in changed:
             building.keep(place)
@@ -298,8 +298,11 @@ class _Draft:
 
 
 @contextmanager
-def _drafted(folder: Path) -> Iterator[Path]:
-    """Yield a draft beside a folder, which an error leaves as it was; one that a killed import has left is removed."""
+def _drafted(folder: Path, source: Path) -> Iterator[Path]:
+    """Yield a draft beside a folder, which an error leaves as it was; one that a killed import has left is removed.
+
+    Errors name the file that is imported instead of one in the draft.
+    """
     place = folder.resolve()
     draft = place.with_name(f"{place.name}.importing")
     try:
@@ -312,6 +315,9 @@ def _drafted(folder: Path) -> Iterator[Path]:
             mark(draft, RUNNING, place.name)
             try:
                 yield draft
+            except BuildingError as error:
+                error.args = (re.sub(re.escape(str(draft)) + r"/[\w.]+", lambda _: str(source), str(error)),)
+                raise
             finally:
                 shutil.rmtree(draft, ignore_errors=True)
     except OSError as error:

@@ -31,7 +31,8 @@ PICTURES = (".png", ".svg", ".pdf")
 MOST_LISTED = 40
 
 AREA, OPENING, UPHILL = "#7d5fb2", "#d9730d", "#a8842c"
-MARK = {"missing": "#c0392b", "warning": "#c0392b", "repaired": "#1f77b4", "assumed": "#b8860b", "left out": "#6b7280"}
+MARK = dict.fromkeys(("error", "missing", "warning"), "#c0392b")
+MARK |= {"repaired": "#1f77b4", "assumed": "#b8860b", "left out": "#6b7280"}
 
 #: Background of names.
 PAPER = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7}

@@ -167,9 +167,9 @@ def random_house(rng):
         plan.door("stairs", "0", {"rooms": ["stairs", "corridor"], "width": 1.2})
         way = {"turn": "right", "direction": (0, 1)}
         way |= [{"length": 2.8}, {"rise": 0.175, "going": 0.3}][rng.integers(2)]
-        plan.shaft("stairs", "0", f"{storeys - 1}", [(-3.6, 10.0), (-2.3, 10.0)], **way)
+        plan.shaft("stairs", "0", f"{storeys - 1}", [(-3.9, 10.0), (-2.6, 10.0)], **way)
     plan.exit("west", "0", {"rooms": ["corridor"], "side": 0, "width": 1.6})
-    plan.exit("ends", "0", [[(-4, 5.3), (-4, 5.8)], {"rooms": ["south 0"], "side": 2, "width": 1.0}])
+    plan.exit("ends", "0", [[(-4, 6.2), (-4, 6.7)], {"rooms": ["corridor"], "side": 2, "at": 1.5, "width": 0.6}])
     return plan
 
 

@@ -1,6 +1,8 @@
 """`evac import`, `evac new` and the picture of `evac check`, as a user calls them."""
 
+import json
 import tomllib
+from pathlib import Path
 
 import pytest
 import shapely
@@ -98,3 +100,18 @@ def test_the_picture_of_a_case_that_is_refused_is_drawn(evac, tmp_path):
     changes = ["people.people.number=2000"]
     assert evac("check", "square_room", "--picture", "levels.png", "--set", *changes) == 2
     assert (tmp_path / "levels.png").exists()
+
+
+def test_errors_of_a_plan_are_printed_as_json_and_drawn(evac, capsys):
+    plan = Plan()
+    plan.storey("ground", [(0, 0), (9, 0), (9, 6), (0, 6)])
+    plan.exit("out", "ground", [(0, 2), (0, 3)])
+    plan.exit("far", "ground", [(30, 3), (30, 4)])
+    plan.write("house.plan.toml")
+    assert evac("check", "house.plan.toml", "--json", "--picture", "house.png") == 2
+    printed = json.loads(capsys.readouterr().out)
+    (error,) = [one for one in printed["findings"] if one["kind"] == "error"]
+    assert (error["item"], error["storey"], error["place"]) == ("exits.far", "ground", [30.0, 3.5])
+    assert Path("house.png").exists()
+    assert evac("check", "house.plan.toml") == 2
+    assert "exit 'far'" in capsys.readouterr().err

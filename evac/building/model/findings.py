@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -26,16 +26,18 @@ def numbered(name: str, taken: Container[str]) -> str:
     return next(own for own in itertools.chain([name], further) if own not in taken)
 
 
-#: Kinds of findings, the worst first. Warnings are shown at every run, the others when a file is imported;
-#: what is missing, such as a stair that cannot be used, makes an import incomplete.
-KINDS = ("missing", "warning", "left out", "assumed", "repaired", "found")
+#: Kinds of findings, the worst first. Errors refuse the building; warnings are shown at every run, the others when a
+#: file is imported; what is missing, such as a stair that cannot be used, makes an import incomplete.
+KINDS = ("error", "missing", "warning", "left out", "assumed", "repaired", "found")
 #: What differs between findings that tell the same of several things: names in quotation marks, and numbers.
 OWN = re.compile(r"'[^']*'|-?\d+(\.\d+)?")
+#: Number at the end of the name of a level that is one of several parts of its storey.
+PART = re.compile(r" \(\d+\)$")
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A fact about a building: something found, assumed, repaired, left out or missing, or a warning.
+    """A fact about a building: something found, assumed, repaired, left out or missing, a warning, or an error.
 
     Its text form (``str``) begins with the place, if there is one.
 
@@ -49,6 +51,11 @@ class Finding:
         Name of the level or storey.
     place : tuple of float, optional
         Position (x, y) on the level, or (x, y, z) [m].
+    item : str, optional
+        Key of what it is about in the plan, such as ``doors.inner``.
+    remedy : str
+        What removes an error, as far as it is known: keys of the item with their values as in a plan file, one on a
+        line, such as ``turn = "right"``; ``remove KEY``; or ``remove it``.
 
     Raises
     ------
@@ -65,12 +72,19 @@ class Finding:
     text: str
     level: str | None = None
     place: tuple[float, ...] | None = None
+    item: str | None = None
+    remedy: str = ""
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ValueError(f"the kind of a finding must be one of {', '.join(KINDS)}, not {self.kind!r}")
         if self.place is not None and len(self.place) not in (2, 3):
             raise ValueError(f"the place of a finding must be (x, y) or (x, y, z), not {self.place!r}")
+
+    @property
+    def storey(self) -> str | None:
+        """Name of the storey of its level, which may be one of several parts of the storey: ``ground (2)``."""
+        return None if self.level is None else PART.sub("", self.level)
 
     @property
     def where(self) -> str:
@@ -101,6 +115,21 @@ def grouped(findings: Iterable[Finding]) -> list[str]:
         groups.setdefault(OWN.sub("", finding.text), []).append(finding)
     more = [f" (and {len(own) - 1} more like this)" if len(own) > 1 else "" for own in groups.values()]
     return [f"{own[0]}{others}" for own, others in zip(groups.values(), more, strict=True)]
+
+
+def refusal(source: Path, errors: Sequence[Finding]) -> BuildingError:
+    """Return one error with a line for each of some errors; copies of an item that have the same one share a line."""
+    groups: dict[tuple[str | None, str], list[Finding]] = {}
+    for error in errors:
+        groups.setdefault((error.item, OWN.sub("", error.text)), []).append(error)
+    lines = []
+    for own in groups.values():
+        others = f" (and {len(own) - 1} more like this)" if len(own) > 1 else ""
+        remedy = f"; what removes it: {', '.join(own[0].remedy.splitlines())}" if own[0].remedy else ""
+        lines.append(f"{source}: {own[0].text}{others}{remedy}")
+    refused = BuildingError("\n".join(lines))
+    refused.findings = tuple(errors)
+    return refused
 
 
 def away(distance: float) -> str:

@@ -2,8 +2,8 @@
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +13,6 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.errors import BuildingError, counted
-from evac.base.parameters import did_you_mean
 from evac.building.geometry import LEAST_AREA, between_floors, common, cut, place_of, segment_lengths, united
 from evac.building.model.findings import Finding
 from evac.building.plan import stairs
@@ -24,16 +23,16 @@ from evac.building.plan.outlines import (
     between_rooms,
     covered,
     distinct,
-    naming_part,
     nearest,
     normal,
+    noting,
     placed,
     strip,
     with_walls,
     written,
 )
 from evac.building.plan.plan import Item, Stair, Storey
-from evac.building.plan.rooms import expanded
+from evac.building.plan.rooms import check_storey, expanded, key_of, middle_of
 from evac.building.surface.surfacemesh import Height, SurfaceMesh
 
 if TYPE_CHECKING:
@@ -56,43 +55,47 @@ MOST_BESIDE = 0.05
 
 def draw(plan: "Plan") -> SurfaceMesh:
     """Return the tagged surface of a plan; see `evac.building.plan.plan.Plan.surface`."""
-    try:
-        return _Drawing(expanded(plan)).mesh()
-    except BuildingError as error:
-        raise BuildingError(_with_cause(str(error), plan.source, plan.findings)) from error
+    drawing = Drawing(plan)
+    mesh = drawing.mesh()
+    if mesh is None or drawing.errors:
+        from evac.building.plan.faults import refused
+
+        raise refused(plan, drawing, mesh)
+    return mesh
 
 
-class _Drawing:
-    """The floors of a plan while they are cut and joined."""
+class Drawing:
+    """The floors of a plan while they are cut and joined, and its errors, each of which leaves its item out."""
 
     def __init__(self, plan: "Plan") -> None:
-        self.plan = plan
-        self.findings = list(plan.findings)
+        self.errors: list[Finding] = []
+        self.declared, self.plan = {*plan.storeys, *plan.refused}, expanded(plan, self.errors)
+        self.findings = [finding for finding in plan.findings if finding.kind != "error"]
         self.floors: dict[str, BaseGeometry] = {}
         self.rooms: dict[str, BaseGeometry] = {}  # the floors before anything is cut out of them
         self.pieces: dict[str, list[stairs.Piece]] = {}
         self.edges: list[tuple[str, str, FloatArray]] = []  # tag, storey, pieces (p, 4)
         self.openings: list[tuple[str, FloatArray]] = []
         self.doors: list[tuple[str, FloatArray]] = []
-        self.exits = list(plan.exits)
+        self.exits: list[Item] = []
 
-    def mesh(self) -> SurfaceMesh:
-        """Return the surface mesh: apply all parts of the plan in order."""
+    def mesh(self) -> SurfaceMesh | None:
+        """Return the surface mesh: apply all parts of the plan in order; None if nothing can be drawn."""
         plan = self.plan
-        if not plan.storeys:
-            raise BuildingError(f"{plan.source}: the plan has no storey; add at least one with its polygons")
-        for kind in ("door", "exit", "opening", "area", "obstacle"):
-            for item in getattr(plan, f"{kind}s"):
-                self._check_storey(f"{kind} {item.name!r}", item.storey)
+        if not self.declared:
+            self.errors.append(Finding("error", "the plan has no storey; add at least one with its polygons"))
+        for section in ("doors", "exits", "openings", "areas", "obstacles"):
+            setattr(plan, section, [item for item in getattr(plan, section) if self._is_on_storey(section, item)])
         for name in plan.storeys:
             self._make_floor(name)
         self._open_doors()
         self.rooms = dict(self.floors)
         obstacles = [self._place_obstacle(item) for item in plan.obstacles]
+        self.exits = list(plan.exits)
         self._cut_exits()
         self._make_stairs()
         for item in self.exits:
-            with naming_part(self.plan.source, f"exit {item.name!r}"):
+            with self._noting("exits", item):
                 self._open_exit(item)
         for item in plan.openings:
             self.openings += [(item.storey, piece) for piece in self._outline(item, item.segment)]
@@ -108,15 +111,24 @@ class _Drawing:
             z = plan.storeys[storey].z
             edges += [(tag, (x1, y1, z), (x2, y2, z)) for x1, y1, x2, y2 in ends.tolist()]
         try:
-            mesh = SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings, self.doors)
+            return SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings, self.doors)
         except ValueError as error:
-            raise BuildingError(f"{plan.source}: {error}") from error
-        return mesh
+            self.errors.append(Finding("error", str(error)))
+        return None
 
-    def _check_storey(self, what: str, name: str) -> None:
-        if name not in self.plan.storeys:
-            hint = did_you_mean(name, list(self.plan.storeys))
-            raise BuildingError(f"{self.plan.source}: {what}: no storey is named {name!r}; {hint}")
+    def _noting(self, section: str, item: Item) -> AbstractContextManager[None]:
+        """Collect what is wrong with an item."""
+        what, place = f"{section.removesuffix('s')} {item.name!r}", None
+        if item.segment is not None:
+            place = middle_of(item.segment)
+        elif item.polygons:
+            place = place_of(item.polygons[0])
+        return noting(self.errors, what, key_of(section, item), item.storey, place)
+
+    def _is_on_storey(self, section: str, item: Item) -> bool:
+        with self._noting(section, item):
+            check_storey(self.declared, item.storey)
+        return item.storey in self.plan.storeys
 
     def _find(self, kind: str, text: str, storey: str, at: BaseGeometry | FloatArray) -> None:
         """Add a finding on a storey, at a geometry or at the middle of a segment."""
@@ -149,8 +161,8 @@ class _Drawing:
         for row, door in enumerate(self.plan.doors):
             around, rooms, earlier = near[row]
             ground = [part for other in earlier for part in opened[other] if part.intersects(around)]
-            known = len(self.findings)
-            with naming_part(self.plan.source, f"door {door.name!r}"):
+            known, opened[row] = len(self.findings), []
+            with self._noting("doors", door):
                 try:
                     opened[row] = self._open_door(door, united([rooms, *ground]) if ground else rooms)
                 except ValueError:  # its message also says what is farther away
@@ -227,18 +239,17 @@ class _Drawing:
     def _make_stairs(self) -> None:
         """Make flights and landings, cut the floors away from them, and join them to the floors."""
         plan = self.plan
-        ends: list[tuple[str, str, str, FloatArray, FloatArray]] = []
+        ends: list[tuple[Stair, str, str, FloatArray, FloatArray]] = []
         for stair in plan.stairs:
-            what = f"stair {stair.name!r}"
-            for storey in (stair.lower, stair.upper):
-                self._check_storey(what, storey)
-            with naming_part(self.plan.source, what):
-                pieces, upper, ways = self._stair_pieces(stair)
-            self.pieces[stair.name] = pieces
-            ends.append((what, "lower", stair.lower, stair.lower_edge, ways[0]))
-            ends.append((what, "upper", stair.upper, upper, ways[1]))
+            with self._noting_stair(stair):
+                for storey in (stair.lower, stair.upper):
+                    check_storey(self.declared, storey)
+                if {stair.lower, stair.upper} <= {*plan.storeys}:
+                    self.pieces[stair.name], upper, ways = self._stair_pieces(stair)
+                    ends.append((stair, "lower", stair.lower, stair.lower_edge, ways[0]))
+                    ends.append((stair, "upper", stair.upper, upper, ways[1]))
         for name, kind, values in plan.pieces:
-            with naming_part(self.plan.source, f"stair {name!r}"):
+            with noting(self.errors, f"stair {name!r}", f"{'landings' if kind == 'landing' else 'flights'}.{name}"):
                 if kind == "flight":
                     made = stairs.flight(*values)
                 elif kind == "slope":
@@ -246,14 +257,21 @@ class _Drawing:
                 else:
                     polygons, z = values
                     made = [stairs.Piece(united(polygons), z, z, z)]
-            self.pieces.setdefault(name, []).extend(made)
+                self.pieces.setdefault(name, []).extend(made)
         if plan.headroom > 0.0:
             for name, pieces in self.pieces.items():
                 for storey in plan.storeys:
                     self._cut_for_headroom(name, pieces, storey)
-        for what, end, storey, edge, way in ends:
-            with naming_part(self.plan.source, what):
-                self._join(what, end, storey, edge, way)
+        for stair, end, storey, edge, way in ends:
+            known = len(self.errors)
+            with self._noting_stair(stair):
+                self._join(f"stair {stair.name!r}", end, storey, edge, way)
+            if len(self.errors) > known:
+                self.pieces.pop(stair.name, None)
+
+    def _noting_stair(self, stair: Stair) -> AbstractContextManager[None]:
+        what, place = f"stair {stair.name!r}", middle_of(stair.lower_edge)
+        return noting(self.errors, what, key_of("stairs", stair), stair.lower, place)
 
     def _stair_pieces(self, stair: Stair) -> tuple[list[stairs.Piece], FloatArray, list[FloatArray]]:
         """Return the pieces of a stair, its upper edge, and the directions from both its ends into their floors."""
@@ -404,16 +422,17 @@ class _Drawing:
         """Return the floors, divided by the areas on them, with their tags."""
         surfaces = []
         for name, floor in self.floors.items():
-            if floor.is_empty:
-                raise BuildingError(
-                    f"{self.plan.source}: storey {name!r}: obstacles, stairs and exits cover all of it; move them"
-                )
+            with noting(self.errors, f"storey {name!r}", f"storeys.{name}", name):
+                if floor.is_empty:
+                    raise ValueError("obstacles, stairs and exits cover all of it; move them")
             areas = {item.name: united(item.polygons) for item in self.plan.areas if item.storey == name}
-            for area, outline in areas.items():
-                if common(floor, outline).is_empty:
-                    raise BuildingError(
-                        f"{self.plan.source}: area {area!r} is not on the floor of storey {name!r}; move it there"
-                    )
+            for item in (item for item in self.plan.areas if item.storey == name and not floor.is_empty):
+                with self._noting("areas", item):
+                    if common(floor, areas[item.name]).is_empty:
+                        del areas[item.name]
+                        raise ValueError(f"is not on the floor of storey {name!r}; move it there")
+            if floor.is_empty:
+                continue
             surfaces += [
                 ((f"floor:{name}", *(f"area:{area}" for area in own)), part, self.plan.storeys[name].z)
                 for own, part in _divided(floor, areas)
@@ -492,17 +511,6 @@ def _both_sides(item: Item, floor: BaseGeometry, pieces: FloatArray) -> Iterable
             item.storey,
             place_of(united(item.polygons)),
         )
-
-
-def _with_cause(message: str, source: Path, findings: Iterable[Finding]) -> str:
-    """Put the repairs of outlines of the storeys that an error names before its message: it may follow from them."""
-    told = [str(finding) for finding in findings if finding.kind == "repaired" and repr(finding.level) in message]
-    if not told:
-        return message
-    return (
-        f"{source}: {'; '.join(told)}; correct its corners first, since this error may follow: "
-        + message.removeprefix(f"{source}: ")
-    )
 
 
 def _overlap(polygons: Sequence[BaseGeometry]) -> BaseGeometry:

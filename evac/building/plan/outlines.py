@@ -48,6 +48,17 @@ def naming_part(source: Path, part: str) -> Iterator[None]:
         raise BuildingError(f"{source}: {part}: {error}") from error
 
 
+@contextmanager
+def noting(
+    errors: list[Finding], what: str, item: str, storey: str | None = None, place: tuple[float, float] | None = None
+) -> Iterator[None]:
+    """Collect a ValueError as an error about an item of a plan."""
+    try:
+        yield
+    except ValueError as error:
+        errors.append(Finding("error", f"{what}: {error}", storey, place, item))
+
+
 def geometries(given: Shape) -> Iterator[BaseGeometry]:
     """Yield the simple geometries that a shape is made of; collections, nested or not, are flattened.
 

@@ -53,6 +53,7 @@ class Stair:
     landings: int
     turn: str | None
     gap: float
+    key: str | None = None  # of the shaft of which it is a part
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,7 @@ class Room:
     use: str | None
     people: int | None
     density: float | None
+    key: str | None = None  # of the room that it repeats on another storey
 
     @property
     def is_area(self) -> bool:
@@ -104,6 +106,7 @@ class Item:
     reach: float = DOOR_REACH
     outside: str = "refuse"
     tie: Tie | None = None
+    key: str | None = None  # of the room that it is, or of what it repeats on another storey
 
 
 class Plan:
@@ -160,6 +163,7 @@ class Plan:
         self.pieces: list[tuple[str, str, tuple[Any, ...]]] = []
         self.proposals: list[tuple[Finding, dict[str, Any]]] = []
         self.findings: list[Finding] = []
+        self.refused: set[str] = set()  # storeys and rooms that a plan file does not define as it should
 
     def __repr__(self) -> str:
         parts = {
@@ -607,6 +611,16 @@ class Plan:
         from evac.building.plan.drawing import draw
 
         return draw(self)
+
+    def check(self) -> tuple[Finding, ...]:
+        """Return all findings about the plan and the building: its errors, or what `Building.findings` has.
+
+        Errors have the key of their item and a remedy that has been tried out; see `Finding`.
+        """
+        try:
+            return self.building(need_exit=False).findings
+        except BuildingError as error:
+            return tuple(error.findings) or (Finding("error", str(error)),)
 
     def building(self, *, need_exit: bool = True, **options: Any) -> "Building":
         """Return the building; the options are the keys of ``[building]`` and `need_exit`, as for `read_building`.

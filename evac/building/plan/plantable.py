@@ -1,8 +1,11 @@
 """Plans as tables, as in plan files and ``[building.plan]`` of a case, and plans of existing buildings."""
 
+import copy
+import difflib
 import inspect
 import tomllib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -16,7 +19,8 @@ from evac.base.errors import BuildingError, escaped, quoted_line
 from evac.base.parameters import did_you_mean
 from evac.base.toml import toml_lines, toml_value
 from evac.building.model.building import Building, Level
-from evac.building.plan.outlines import is_point
+from evac.building.model.findings import Finding, refusal
+from evac.building.plan.outlines import from_wkt, is_point
 from evac.building.plan.plan import OUTSIDE, Item, Plan, Stair, Storey
 from evac.building.plan.stairs import LEVEL
 from evac.building.surface.patches import patches_of
@@ -44,24 +48,79 @@ def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = 
     `evac.building.plan.plan.Plan`; `source`: name of the plan in messages; `folder`: folder that paths of storey files
     are relative to; `prefix`: prefix of keys in messages.
     """
+    plan, errors = Plan(source, headroom=table.get("headroom", HEADROOM)), list[Finding]()
     for key in table:
         if key != "headroom" and key not in SECTIONS:
-            raise BuildingError(f"{source}: {prefix}{key}: unknown key; {did_you_mean(key, ['headroom', *SECTIONS])}")
-    plan = Plan(source, headroom=table.get("headroom", HEADROOM))
+            text = f"{prefix}{key}: unknown key; {did_you_mean(key, ['headroom', *SECTIONS])}"
+            errors.append(Finding("error", text, item=key, remedy="remove it"))
     for section in SECTIONS:
-        add = getattr(plan, section.removesuffix("s"))
         items = table.get(section, [])
         if not isinstance(items, list):
-            raise BuildingError(f"{source}: {prefix}{section} must be a list of tables: [[{section}]]")
+            text = f"{prefix}{section} must be a list of tables: [[{section}]]"
+            errors.append(Finding("error", text, item=section, remedy="remove it"))
+            continue
         for index, item in enumerate(items):
-            name = item["name"] if isinstance(item, Mapping) and "name" in item else index
-            key = escaped(f"{prefix}{section}.{name}")
-            _check_keys(f"{source}: {key}", item, add)
-            values = dict(item)
-            if section == "storeys" and isinstance(values.get("file"), str):
-                values["file"] = folder / values["file"]
-            add(**values)
-    return plan
+            try:
+                _add(plan, section, index, item, folder, prefix)
+            except BuildingError as error:
+                errors.append(_error(plan, section, index, item, folder, str(error).removeprefix(f"{source}: ")))
+    if not errors:
+        return plan
+    refused = refusal(source, errors)
+    if not plan.files:  # these are read later, with all that is on their storeys
+        try:
+            plan.surface()
+        except BuildingError as error:
+            refused = refusal(source, [*errors, *error.findings])
+            refused.building = error.building
+    raise refused
+
+
+def _name(index: int, item: Any) -> str:
+    return escaped(f"{item['name'] if isinstance(item, Mapping) and 'name' in item else index}")
+
+
+def _add(plan: Plan, section: str, index: int, item: Any, folder: Path, prefix: str = "") -> None:
+    """Add an item to a plan."""
+    add = getattr(plan, section.removesuffix("s"))
+    _check_keys(f"{plan.source}: {prefix}{section}.{_name(index, item)}", item, add)
+    values = dict(item)
+    if section == "storeys" and isinstance(values.get("file"), str):
+        values["file"] = folder / values["file"]
+    add(**values)
+
+
+def _error(plan: Plan, section: str, index: int, item: Any, folder: Path, text: str) -> Finding:
+    """Return the error of an item that cannot be added, with a remedy that has been tried."""
+    key = f"{section}.{_name(index, item)}"
+    if not isinstance(item, Mapping):
+        return Finding("error", text, item=key, remedy="remove it")
+    if section in ("storeys", "rooms"):
+        plan.refused.add(str(item.get("name")))
+    storey, place = item.get("storey"), None
+    for shape in ("segment", "polygon", "lower_edge"):
+        with suppress(Exception):  # what is wrong with the shape is told already
+            given = item[shape]
+            x, y = np.mean(
+                shapely.get_coordinates(from_wkt(given)) if isinstance(given, str) else given, axis=0
+            ).tolist()
+            place = (x, y)
+    known = list(inspect.signature(getattr(plan, section.removesuffix("s"))).parameters)
+    right = {one: value for one, value in item.items() if one in known}
+    trials = [
+        ({**right, close: item[wrong]}, f"{close} = {toml_value(item[wrong])}\nremove {wrong}")
+        for wrong in item
+        if wrong not in known
+        for close in difflib.get_close_matches(wrong, known, 1, 0.5)
+    ]
+    trials += [({one: item[one] for one in item if one != wrong}, f"remove {wrong}") for wrong in item]
+    for row, remedy in trials:
+        trial = copy.copy(plan)
+        vars(trial).update({name: copy.copy(value) for name, value in vars(plan).items()})
+        with suppress(BuildingError):
+            _add(trial, section, index, row, folder)
+            return Finding("error", text, storey if isinstance(storey, str) else None, place, key, remedy)
+    return Finding("error", text, storey if isinstance(storey, str) else None, place, key, "remove it")
 
 
 def table_of(plan: Plan) -> dict[str, Any]:
@@ -127,7 +186,7 @@ def _given(item: Any, *names: str) -> dict[str, Any]:
 
 def _stair(stair: Stair) -> dict[str, Any]:
     """Return a stair or a shaft."""
-    given = _given(stair, *(one.name for one in fields(stair)))
+    given = _given(stair, *(one.name for one in fields(stair) if one.name != "key"))
     if stair.landing is None:
         del given["landings"]
     if stair.turn is None:

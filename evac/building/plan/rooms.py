@@ -1,8 +1,7 @@
 """A plan without its short forms: rooms become ground and areas, shafts stairs; storeys are repeated, ties resolved."""
 
 import copy
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import fields, replace
 from itertools import pairwise
 from typing import TypeVar
@@ -13,10 +12,10 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
-from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
-from evac.building.geometry import GRID, flat_parts, segment_lengths, sides
-from evac.building.plan.outlines import along, naming_part
+from evac.building.geometry import GRID, flat_parts, place_of, segment_lengths, sides
+from evac.building.model.findings import Finding
+from evac.building.plan.outlines import along, noting
 from evac.building.plan.plan import Item, Plan, Room, Shaft, Stair, Storey, Tie
 
 Named = TypeVar("Named", Item, Room)
@@ -24,16 +23,26 @@ Named = TypeVar("Named", Item, Room)
 REPEATED = ("doors", "areas", "obstacles")
 
 
-def expanded(plan: Plan) -> Plan:
-    """Return the plan in which all ground is in polygons of storeys, and each stair leads from storey to storey."""
-    flat = copy.copy(plan)
-    order = {name: _originals(plan, name) for name in plan.storeys}
-    rooms = {name: _rooms(plan, name, order[name]) for name in plan.storeys}
+def expanded(plan: Plan, errors: list[Finding]) -> Plan:
+    """Return the plan in which all ground is in polygons of storeys, and each stair leads from storey to storey.
+
+    What cannot be resolved is left out, with an error.
+    """
+    flat, order = copy.copy(plan), dict[str, list[str]]()
+    for name in plan.storeys:
+        with noting(errors, f"storey {name!r}", f"storeys.{name}", name):
+            order[name] = _originals(plan, name)
+    declared = {*plan.storeys, *plan.refused}
+    for room in plan.rooms:
+        with noting(errors, f"room {room.name!r}", f"rooms.{room.name}", None, place_of(room.outline)):
+            check_storey(declared, room.storey)
+    rooms = {name: _rooms(plan, name, order[name]) for name in order}
+    flat.rooms = [room for own in rooms.values() for room in own]
     for kind in (*REPEATED, "exits", "openings"):
-        own = [_tied(plan, kind.removesuffix("s"), item, rooms) for item in getattr(plan, kind)]
+        own = [tied for item in getattr(plan, kind) if (tied := _tied(plan, kind, item, rooms, errors))]
         if kind in REPEATED:
             own += [
-                _copied(item, original, name)
+                _copied(kind, item, original, name)
                 for name, originals in order.items()
                 for original in originals
                 for item in own
@@ -41,14 +50,41 @@ def expanded(plan: Plan) -> Plan:
             ]
         setattr(flat, kind, own)
     flat.areas += [
-        Item(one.name, name, polygons=one.polygons) for name, own in rooms.items() for one in own if one.is_area
+        Item(one.name, name, polygons=one.polygons, key=key_of("rooms", one))
+        for name, own in rooms.items()
+        for one in own
+        if one.is_area
     ]
-    for name, number in Counter(area.name for area in flat.areas).items():
-        if number > 1:
-            raise BuildingError(f"{plan.source}: two areas or rooms are named {name!r}; rename one")
-    flat.storeys = {name: _storey(plan, name, order[name], rooms[name]) for name in plan.storeys}
-    flat.stairs = [*plan.stairs, *(stair for shaft in plan.shafts for stair in _stairs(plan, shaft))]
+    taken: dict[str, Item] = {}
+    for area in flat.areas:
+        with noting(errors, f"area {area.name!r}", key_of("areas", area), area.storey, place_of(area.polygons[0])):
+            if taken.setdefault(area.name, area) is not area:
+                raise ValueError("another area or room has the same name; rename one")
+    flat.areas, flat.storeys, flat.stairs = [*taken.values()], {}, [*plan.stairs]
+    for name in order:
+        with noting(errors, f"storey {name!r}", f"storeys.{name}", name):
+            flat.storeys[name] = _storey(plan, name, order[name], rooms[name])
+    for shaft in plan.shafts:
+        with noting(errors, f"shaft {shaft.name!r}", f"shafts.{shaft.name}", None, middle_of(shaft.lower_edge)):
+            flat.stairs += _stairs(plan, shaft)
     return flat
+
+
+def key_of(section: str, item: Item | Room | Stair) -> str:
+    """Return the key of an item, or of that which it repeats."""
+    return item.key or f"{section}.{item.name}"
+
+
+def check_storey(storeys: Collection[str], name: str) -> None:
+    """Refuse the name of a storey that a plan does not have."""
+    if name not in storeys:
+        raise ValueError(f"no storey is named {name!r}; {did_you_mean(name, list(storeys))}")
+
+
+def middle_of(segment: FloatArray) -> tuple[float, float]:
+    """Return the middle of a segment (2, 2), or the mean of some corners."""
+    x, y = segment.mean(axis=0).tolist()
+    return x, y
 
 
 def people_of(plan: Plan) -> dict[str, float]:
@@ -64,22 +100,23 @@ def _originals(plan: Plan, name: str) -> list[str]:
     while (like := plan.storeys[found[-1] if found else name].like) is not None:
         if like not in plan.storeys:
             hint = did_you_mean(like, list(plan.storeys))
-            raise BuildingError(f"{plan.source}: storey {name!r}: like: no storey is named {like!r}; {hint}")
+            raise ValueError(f"like: no storey is named {like!r}; {hint}")
         if like in (name, *found):
-            raise BuildingError(f"{plan.source}: storey {name!r}: like: it is like itself; name another storey")
+            raise ValueError("like: it is like itself; name another storey")
         found.append(like)
     return found
 
 
-def _copied(item: Named, original: str, storey: str) -> Named:
+def _copied(section: str, item: Named, original: str, storey: str) -> Named:
     """Return an item of one storey on another one that is like it."""
-    return replace(item, name=f"{storey} {item.name.removeprefix(original).strip()}", storey=storey)
+    name = f"{storey} {item.name.removeprefix(original).strip()}"
+    return replace(item, name=name, storey=storey, key=key_of(section, item))
 
 
 def _rooms(plan: Plan, name: str, originals: list[str]) -> list[Room]:
     """Return the rooms of a storey with those that it repeats."""
     own = [room for room in plan.rooms if room.storey == name]
-    return own + [_copied(room, one, name) for one in originals for room in plan.rooms if room.storey == one]
+    return own + [_copied("rooms", room, one, name) for one in originals for room in plan.rooms if room.storey == one]
 
 
 def _storey(plan: Plan, name: str, originals: list[str], rooms: list[Room]) -> Storey:
@@ -88,27 +125,32 @@ def _storey(plan: Plan, name: str, originals: list[str], rooms: list[Room]) -> S
     ground = [polygon for one in given for polygon in one.polygons]
     ground += [polygon for room in rooms for polygon in room.polygons]
     if not ground and given[0].file is None:
-        raise BuildingError(f"{plan.source}: storey {name!r} has no ground: give it polygons, a file or rooms")
+        raise ValueError("it has no ground: give it polygons, a file or rooms")
     wall = next((one.wall for one in given if one.wall is not None), 0.0)
     return replace(given[0], polygons=tuple(ground), wall=wall, like=None)
 
 
-def _tied(plan: Plan, kind: str, item: Item, rooms: Mapping[str, list[Room]]) -> Item:
-    """Return an item whose tie to rooms has become a segment or polygons."""
+def _tied(plan: Plan, section: str, item: Item, rooms: Mapping[str, list[Room]], errors: list[Finding]) -> Item | None:
+    """Return an item whose tie to rooms has become a segment or polygons, or None with an error."""
     if item.tie is None:
         return item
     known = {room.name: room.outline for room in rooms.get(item.storey, ())}
-    with naming_part(plan.source, f"{kind} {item.name!r}"):
+    place = next((place_of(known[name]) for name in item.tie.rooms if name in known), None)
+    with noting(errors, f"{section.removesuffix('s')} {item.name!r}", key_of(section, item), item.storey, place):
+        check_storey({*plan.storeys, *plan.refused}, item.storey)
+        if item.storey not in rooms or plan.refused.intersection(item.tie.rooms):  # which have errors of their own
+            return None
         for name in item.tie.rooms:
             if name not in known:
                 hint = did_you_mean(name, list(known))
                 raise ValueError(f"no room of storey {item.storey!r} is named {name!r}; {hint}")
         one, *other = [known[name] for name in item.tie.rooms]
-        if kind == "area":
+        if section == "areas":
             inner = one.buffer(-(item.tie.inset or 0.0), join_style="mitre")
             return replace(item, polygons=(flat_parts(shapely.set_precision(inner, GRID)),), tie=None)
         wall = _between(item.tie, one, other[0]) if other else _side(item.tie, one)
         return replace(item, segment=_part(item.tie, wall), tie=None)
+    return None
 
 
 def _between(tie: Tie, one: BaseGeometry, other: BaseGeometry) -> FloatArray:
@@ -154,9 +196,9 @@ def _stairs(plan: Plan, shaft: Shaft) -> list[Stair]:
     """Return the stairs of a shaft, from the lowest storey up."""
     names = list(plan.storeys)
     for name in (shaft.lower, shaft.upper):
-        if name not in names:
-            hint = did_you_mean(name, names)
-            raise BuildingError(f"{plan.source}: shaft {shaft.name!r}: no storey is named {name!r}; {hint}")
+        check_storey({*names, *plan.refused}, name)
+    if shaft.lower not in names or shaft.upper not in names:
+        return []
     first, last = names.index(shaft.lower), names.index(shaft.upper)
     way = names[first : last + 1] if first <= last else names[last : first + 1][::-1]
     stairs = []
@@ -167,6 +209,6 @@ def _stairs(plan: Plan, shaft: Shaft) -> list[Stair]:
             is_bent = shaft.turn is not None or shaft.upper_edge is not None
             length = round(run / 2 if is_bent else run + (shaft.landing or 0.0) * shaft.landings, 6)
         values = {one.name: getattr(shaft, one.name) for one in fields(Stair)}
-        name = f"{shaft.name} {number}" if len(way) > 2 else shaft.name
-        stairs.append(Stair(**{**values, "name": name, "lower": lower, "upper": upper, "length": length}))
+        values |= {"lower": lower, "upper": upper, "length": length, "key": key_of("shafts", shaft)}
+        stairs.append(Stair(**values | {"name": f"{shaft.name} {number}" if len(way) > 2 else shaft.name}))
     return stairs

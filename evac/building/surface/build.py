@@ -15,7 +15,7 @@ from evac.base.errors import BuildingError
 from evac.building.geometry import union
 from evac.building.model.building import Area, Building, Level
 from evac.building.model.elevation import level_elevation
-from evac.building.model.findings import Finding, numbered
+from evac.building.model.findings import Finding, numbered, refusal
 from evac.building.model.links import close_links, isolated_parts
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.surface.checks import check_depth, check_exits, check_overlap, check_stairs, missed_seams
@@ -64,7 +64,9 @@ def building_of(
     except BuildingError as error:
         if not surface.doubts:
             raise
-        raise BuildingError("; ".join([str(error), *(doubt.text for doubt in surface.doubts)])) from error
+        doubted = BuildingError("; ".join([str(error), *(doubt.text for doubt in surface.doubts)]))
+        doubted.findings = error.findings
+        raise doubted from error
 
 
 def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_exit: bool) -> Building:
@@ -89,15 +91,16 @@ def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_
         findings=(*surface.findings, *level_set.findings, *notes),
         doors=find_doors(surface, level_set.levels),
     )
-    check_overlap(building)
-    check_depth(building)
+    if errors := [*check_overlap(building), *check_depth(building)]:
+        raise refusal(source, errors)
     building = replace(building, findings=(*building.findings, *missed_seams(building)))
     for item in options.exits:
         with _given("exits", item.name):
             building = add_exit(building, item)
     if need_exit:
         check_exits(building)
-    check_stairs(building)
+    if errors := [*check_stairs(building)]:
+        raise refusal(source, errors)
     for area in options.areas:
         with _given("areas", area.name):
             building = add_area(building, area)

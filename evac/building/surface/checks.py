@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import shapely
@@ -12,7 +13,7 @@ from evac.base.errors import BuildingError
 from evac.building.geometry import segment_lengths, side_of
 from evac.building.model.building import Building, Level
 from evac.building.model.elevation import elevation, level_elevation
-from evac.building.model.findings import Finding
+from evac.building.model.findings import PART, Finding
 
 #: Minimum depth of a level between two portals that face each other [m].
 LEAST_DEPTH = 1.0
@@ -32,8 +33,13 @@ NEAR_MISS = 0.03
 ROUNDING = 1e-6
 
 
-def check_overlap(building: Building) -> None:
-    """Refuse a level that overlaps itself in plan, or overlaps another level at the same height."""
+def item_of(level: Level) -> str:
+    """Return the key of the storey or the stair of a level in the plan of its building."""
+    return f"stairs.{level.stair}" if level.stair is not None else f"storeys.{PART.sub('', level.name)}"
+
+
+def check_overlap(building: Building) -> Iterator[Finding]:
+    """Yield an error for each level that overlaps itself in plan, or another level at the same height."""
     for level in building.levels:
         cells = shapely.polygons(building.vertices[level.triangles][:, :, :2])
         if shapely.area(cells).sum() <= level.polygon.area + ROUNDING * max(level.polygon.area, 1.0):
@@ -41,15 +47,16 @@ def check_overlap(building: Building) -> None:
         one, other = shapely.STRtree(cells).query(cells, predicate="intersects")
         both = shapely.intersection(cells[one[one < other]], cells[other[one < other]])
         x, y = both[shapely.area(both).argmax()].centroid.coords[0]
-        raise BuildingError(
-            f"{building.source}: level {level.name!r} overlaps itself in plan at ({x:z.2f}, {y:z.2f}); "
+        text = (
+            f"level {level.name!r} overlaps itself in plan at ({x:z.2f}, {y:z.2f}); "
             "divide it by a landing or a floor tag, or remove the duplicate cells"
         )
-    _check_same_ground(building)
+        yield Finding("error", text, level.name, (x, y), item_of(level))
+    yield from _same_ground(building)
 
 
-def _check_same_ground(building: Building) -> None:
-    """Refuse levels that overlap without enough height between them: people on them would not see each other."""
+def _same_ground(building: Building) -> Iterator[Finding]:
+    """Yield levels that overlap without enough height between them: people on them would not see each other."""
     polygons = [level.polygon for level in building.levels]
     pairs = shapely.STRtree(polygons).query(polygons, "intersects").T
     for one_row, other_row in sorted(pairs[pairs[:, 0] < pairs[:, 1]].tolist()):
@@ -68,12 +75,14 @@ def _check_same_ground(building: Building) -> None:
             room, k = one - other, np.abs(one - other).argmin()
             if abs(room[k]) < needed - ROUNDING or room.min() < 0.0 < room.max():
                 x, y = places[k]
-                raise BuildingError(
-                    f"{building.source}: levels {a.name!r} and {b.name!r} overlap by {both.area:.3g} m2 in plan; at "
+                text = (
+                    f"levels {a.name!r} and {b.name!r} overlap by {both.area:.3g} m2 in plan; at "
                     f"({x:z.2f}, {y:z.2f}) their heights are {one[k]:z.2f} and {other[k]:z.2f} m, so people on one "
                     f"would walk through people on the other. Overlapping levels must be {needed:g} m apart in height: "
                     "cut the upper or the lower one away there (an area is a part of its floor, not drawn over it)"
                 )
+                yield Finding("error", text, b.name, (float(x), float(y)), item_of(a if a.stair else b))
+                break
 
 
 def missed_seams(building: Building) -> tuple[Finding, ...]:
@@ -115,8 +124,8 @@ def weld_for(miss: float) -> float:
     return math.ceil(1.1e3 * miss) / 1e3
 
 
-def check_depth(building: Building) -> None:
-    """Refuse a level less than 1 m deep between two portals that face each other.
+def check_depth(building: Building) -> Iterator[Finding]:
+    """Yield an error for each level less than 1 m deep between two portals that face each other.
 
     Portals side by side, or at right angles on a quarter landing, may be closer.
     """
@@ -126,11 +135,12 @@ def check_depth(building: Building) -> None:
                 line = shapely.shortest_line(shapely.LineString(a.reshape(2, 2)), shapely.LineString(b.reshape(2, 2)))
                 if line.length < LEAST_DEPTH - ROUNDING and _face(a, b):
                     x, y = line.centroid.coords[0]
-                    raise BuildingError(
-                        f"{building.source}: level {level.name!r} is only {line.length:.2f} m deep between its portals "
+                    text = (
+                        f"level {level.name!r} is only {line.length:.2f} m deep between its portals "
                         f"{one.name!r} and {other.name!r} at ({x:z.2f}, {y:z.2f}); make it at least {LEAST_DEPTH:g} m "
                         f"deep, or join it to a neighbouring level; {measures(building)}"
                     )
+                    yield Finding("error", text, level.name, (x, y), item_of(level))
 
 
 def measures(building: Building) -> str:
@@ -139,8 +149,8 @@ def measures(building: Building) -> str:
     return f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height (building.scale)"
 
 
-def check_stairs(building: Building) -> None:
-    """Refuse a stair that does not join two levels, or a level and an exit."""
+def check_stairs(building: Building) -> Iterator[Finding]:
+    """Yield an error for each stair that does not join two levels, or a level and an exit."""
     for name, members in building.stairs.items():
         ends = {f"exit {way.name!r}" for way in building.exits if way.level in members}
         for portal in building.portals:
@@ -151,11 +161,12 @@ def check_stairs(building: Building) -> None:
             own = [building.levels[index] for index in members]
             x, y = own[0].polygon.representative_point().coords[0]
             joined = f"only {ends.pop()}" if ends else "nothing"
-            raise BuildingError(
-                f"{building.source}: stair {name!r} at ({x:z.2f}, {y:z.2f}), z = {min(lv.z_min for lv in own):.2f} to "
+            text = (
+                f"stair {name!r} at ({x:z.2f}, {y:z.2f}), z = {min(lv.z_min for lv in own):.2f} to "
                 f"{max(lv.z_max for lv in own):.2f}, joins {joined}: its ends must share vertices with two levels "
                 f"(within building.weld){_nearest_end(building, own)}"
             )
+            yield Finding("error", text, own[0].name, (x, y), f"stairs.{name}")
 
 
 def _nearest_end(building: Building, own: list[Level]) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.errors import BuildingError
 from evac.building.geometry import least_height, plan_area
-from evac.building.model.findings import Finding
+from evac.building.model.findings import Finding, refusal
 from evac.building.options import SurfaceOptions
 from evac.building.surface.foreign import walked_surface
 from evac.building.surface.resolution import check_extent, check_resolution, doubted_axis
@@ -133,18 +133,22 @@ def _check_stairs(source: Path, corners: FloatArray, steep: dict[str, BoolArray]
     `corners` (t, 3, 3) [m]; `steep` (t,): cells that are too steep to walk on, by tag.
     """
     rise, angle = np.ptp(corners[:, :, 2], axis=1), slope_angle(corners)
+    errors = []
     is_flight = (rise > MOST_RISER) & (np.rad2deg(angle) < UPRIGHT)
     for name, mask in sorted(steep.items()):
         rows = np.flatnonzero(mask & is_flight)
         if name.startswith("stair:") and len(rows):
             row = rows[rise[rows].argmax()]
             x, y, _ = corners[row].mean(axis=0)
-            raise BuildingError(
-                f"{source}: stair {name.removeprefix('stair:')!r} rises {rise[row]:.2f} m over "
+            text = (
+                f"stair {name.removeprefix('stair:')!r} rises {rise[row]:.2f} m over "
                 f"{rise[row] / np.tan(angle[row]):.2f} m in plan ({np.rad2deg(angle[row]):.0f} degrees) at ({x:z.2f}, "
                 f"{y:z.2f}), steeper than building.walkable_angle ({walkable_angle:g} degrees): make it at least "
                 f"{np.ceil(100.0 * rise[row] / np.tan(np.deg2rad(walkable_angle))) / 100.0:.2f} m long"
             )
+            errors.append(Finding("error", text, None, (float(x), float(y)), f"stairs.{name.removeprefix('stair:')}"))
+    if errors:
+        raise refusal(source, errors)
 
 
 def _distinct(triangles: IndexArray, tags: dict[str, BoolArray]) -> tuple[IndexArray, IndexArray, dict[str, BoolArray]]:

@@ -1,0 +1,169 @@
+"""All errors of a plan in one pass, with remedies that have been tried out."""
+
+import copy
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from evac.base.arrays import FloatArray
+from evac.base.defaults import DOOR_REACH
+from evac.base.errors import BuildingError
+from evac.base.toml import toml_lines
+from evac.building.geometry import between_floors, segment_lengths, sides
+from evac.building.model.building import Building
+from evac.building.model.findings import Finding, refusal
+from evac.building.plan.drawing import Drawing
+from evac.building.plan.plan import Item, Plan
+from evac.building.plan.plantable import table_of
+from evac.building.plan.rooms import key_of
+from evac.building.surface.build import build_building
+from evac.building.surface.surfacemesh import SurfaceMesh
+
+#: Number of walls at which a door or an exit is tried, the nearest first.
+MOST_WALLS = 3
+#: Least width of a door [m], and its least distance from the corner of a room.
+LEAST_WIDTH, JAMB = 0.5, 0.05
+
+
+def refused(plan: Plan, drawing: Drawing, mesh: SurfaceMesh | None) -> BuildingError:
+    """Return one error with all errors of a plan that has been drawn, and with the building of what is right in it."""
+    building, built = _built(drawing.plan, mesh)
+    # What is left out may cause errors of the building that are not about a single item.
+    faulty = {error.item for error in drawing.errors} | ({None} if drawing.errors else set())
+    errors = [*drawing.errors, *(error for error in built if error.item not in faulty)]
+    wrong = {error.item for error in errors}
+    doors = [door for door in drawing.plan.doors if key_of("doors", door) not in wrong]
+    errors = [
+        replace(one, text=_with_cause(one, plan.findings), remedy=_remedy(plan, drawing, one, doors)) for one in errors
+    ]
+    error = refusal(plan.source, errors)
+    error.building = building
+    return error
+
+
+def _built(plan: Plan, mesh: SurfaceMesh | None) -> tuple[Building | None, list[Finding]]:
+    """Return the building of a mesh, or the errors that refuse it, about the items of a plan."""
+    if mesh is None:
+        return None, []
+    keys = {f"stairs.{stair.name}": key_of("stairs", stair) for stair in plan.stairs}
+    try:
+        return build_building(mesh, plan.source, need_exit=False), []
+    except BuildingError as error:
+        text = str(error).removeprefix(f"{plan.source}: ")
+        found = error.findings or (Finding("error", text),)
+        return None, [replace(one, item=keys.get(one.item or "", one.item)) for one in found]
+
+
+def _with_cause(error: Finding, findings: Iterable[Finding]) -> str:
+    """Put the repairs of outlines of the storey of an error before its text: it may follow from them."""
+    told = [str(one) for one in findings if one.kind == "repaired" and repr(one.level) in error.text]
+    if not told:
+        return error.text
+    return f"{'; '.join(told)}; correct its corners first, since this error may follow: {error.text}"
+
+
+def _remedy(plan: Plan, drawing: Drawing, error: Finding, doors: list[Item]) -> str:
+    """Return the first change of its item that removes an error, or ``remove it``.
+
+    `doors`: those that are right, to which the one that a remedy moves is added.
+    """
+    section, _, name = (error.item or "").partition(".")
+    if error.remedy or section in ("", "storeys", "flights", "landings"):
+        return error.remedy
+    rest = copy.copy(plan)
+    items = [item for item in getattr(plan, section) if item.name == name]
+    for kind in ("rooms", "doors", "exits", "openings", "areas", "stairs", "shafts"):
+        kept = [item for item in getattr(plan, kind) if item.name != name] if kind == section == "rooms" else []
+        setattr(rest, kind, plan.rooms if kind == "rooms" != section else kept)
+    alone = Plan(plan.source)
+    setattr(alone, section, items)
+    rest.pieces, rest.findings = [], []
+    row = table_of(alone)[section][0]
+    for change in _changes(plan, drawing, section, row, error.text):
+        if _is_right(rest, section, {**row, **change}, doors):
+            return "\n".join(toml_lines(change))
+    return "remove it"
+
+
+def _is_right(rest: Plan, section: str, row: Mapping[str, Any], doors: list[Item]) -> bool:
+    """Return whether an item can be added to the rest of a plan with some doors, to which it is added."""
+    trial = copy.copy(rest)
+    near = {row[key] for key in ("storey", "lower", "upper") if key in row}
+    if section != "shafts":
+        like = [one.like for name, one in rest.storeys.items() if name in near]
+        while like := [one for one in like if one is not None and one not in near]:
+            near.update(like)
+            like = [rest.storeys[one].like for one in like if one in rest.storeys]
+        trial.storeys = {name: one for name, one in rest.storeys.items() if name in near}
+    setattr(trial, section, list(getattr(rest, section)))
+    for kind in ("rooms", "obstacles"):
+        setattr(trial, kind, [item for item in getattr(trial, kind) if item.storey in trial.storeys])
+    try:
+        getattr(trial, section.removesuffix("s"))(**row)
+    except BuildingError:
+        return False
+    known = [door for door in doors if door.storey in trial.storeys] if section == "doors" else []
+    trial.doors = [*known, *trial.doors]
+    drawing = Drawing(trial)
+    mesh = drawing.mesh()
+    is_right = mesh is not None and not drawing.errors and not _built(drawing.plan, mesh)[1]
+    if is_right and section == "doors":
+        doors += [door for door in drawing.plan.doors if door.name == row["name"]]
+    return is_right
+
+
+def _changes(plan: Plan, drawing: Drawing, section: str, row: Mapping[str, Any], text: str) -> Iterable[dict[str, Any]]:
+    """Yield changes of an item that may remove its error, the most likely first."""
+    for key in ("storey", "lower", "upper"):
+        if key in row and row[key] not in plan.storeys:
+            yield from ({key: close} for close in difflib.get_close_matches(row[key], plan.storeys, 2, 0.5))
+    segment = row.get("segment")
+    if isinstance(segment, Mapping):
+        own = [room.name for room in drawing.plan.rooms if room.storey == row["storey"]]
+        closest = [(difflib.get_close_matches(name, own, 1, 0.5) or [name])[0] for name in segment["rooms"]]
+        yield {"segment": {**segment, "rooms": closest}}
+        yield {"segment": {key: value for key, value in segment.items() if key != "at"}}
+        yield {"segment": {key: value for key, value in segment.items() if key not in ("at", "width")}}
+    elif segment is not None and row["storey"] in drawing.rooms and np.shape(segment) == (2, 2):
+        if section == "doors" and "one side" in text:
+            yield {"outside": "exit"}
+        yield from ({"segment": ends} for ends in _on_walls(drawing, section, row["storey"], np.array(segment)))
+    elif section == "areas":
+        yield from ({"storey": name} for name in plan.storeys)
+    elif section in ("stairs", "shafts"):
+        yield from _other_ways(row)
+
+
+def _on_walls(drawing: Drawing, section: str, storey: str, ends: FloatArray) -> Iterable[list[list[float]]]:
+    """Yield segments on the nearest walls between two rooms for a door, or to the outside for an exit."""
+    floor = drawing.rooms[storey]
+    walls = sides(floor)
+    walls = walls[segment_lengths(walls) > LEAST_WIDTH + 2 * JAMB]
+    walls = walls[between_floors(floor, walls, DOOR_REACH) == (section == "doors")]
+    start, length = walls[:, :2], segment_lengths(walls)
+    step = (walls[:, 2:] - start) / length[:, None]
+    half = np.minimum(np.hypot(*(ends[1] - ends[0])), length - 2 * JAMB) / 2
+    at = ((ends.mean(axis=0) - start) * step).sum(axis=1).clip(half + JAMB, length - half - JAMB)
+    off = np.hypot(*(start + at[:, None] * step - ends.mean(axis=0)).T)
+    for row in np.argsort(off, kind="stable")[:MOST_WALLS]:
+        reach = np.outer([at[row] - half[row], at[row] + half[row]], step[row])
+        yield (np.round(start[row] + reach, 6) + 0.0).tolist()
+
+
+def _other_ways(row: Mapping[str, Any]) -> Iterable[dict[str, Any]]:
+    """Yield other directions, turns, ends and lengths of a stair."""
+    turn: dict[str, Any] | None = {"turn": "left" if row.get("turn") == "right" else "right"} if "turn" in row else None
+    back = {"direction": [-value for value in row["direction"]]} if "direction" in row else None
+    yield from (change for change in (turn, back, turn and back and {**turn, **back}) if change)
+    yield {"lower": row["upper"], "upper": row["lower"]}
+    if "length" in row:
+        yield from ({"length": round(factor * row["length"], 2)} for factor in (1.25, 1.5, 2.0, 3.0, 4.0, 6.0))
+    if "rise" in row:
+        yield {"going": round(2.0 * row["rise"], 3)}
+    if "landing" in row:
+        yield {"landing": 1.2}
+        if row.get("landings", 1) > 1:
+            yield {"landings": 1}

@@ -1,0 +1,159 @@
+"""All errors of a plan are found in one pass, each with its item, its place and a remedy that removes it."""
+
+import copy
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evac import BuildingError, Plan
+from evac.building.plan.plantable import plan_of, table_of
+from tests.building.test_rooms import random_house
+
+
+def item_of(table, key):
+    section, _, name = key.partition(".")
+    return next(item for item in table[section] if item["name"] == name)
+
+
+def keys(table, section, key, kind=list):
+    """Return the items of a section that have a key with a value of one kind."""
+    return [f"{section}.{item['name']}" for item in table[section] if isinstance(item.get(key), kind)]
+
+
+def inside(item, rng):
+    item["segment"] = [[1.0, 6.0], [1.9, 6.0]]  # in the corridor
+
+
+def across(item, rng):
+    (x1, y), (x2, _) = item["segment"]
+    item["segment"] = [[(x1 + x2) / 2, y - 0.4], [(x1 + x2) / 2, y + 0.4]]
+
+
+def astray(item, rng):
+    item["segment"] = [[x + 60.0, y] for x, y in [[0.0, 0.0], [0.0, 1.0]]]
+
+
+def on_no_storey(item, rng):
+    item["storey"] = "0x"
+
+
+def misspelt(item, rng):
+    item["sgment"] = item.pop("segment")
+
+
+def negative(item, rng):
+    item["reach"] = -1.0
+
+
+def of_no_room(item, rng):
+    item["segment"]["rooms"][0] += "x"
+
+
+def too_wide(item, rng):
+    item["segment"]["width"] = 30.0
+
+
+def off_the_floor(item, rng):
+    item["polygon"] = [[50, 0], [52, 0], [52, 2], [50, 2]]
+
+
+def turned(item, rng):
+    item["turn"] = "left"
+
+
+def steep(item, rng):
+    item |= {"length": 0.8}
+    item.pop("rise", None), item.pop("going", None)
+
+
+def up_to_nowhere(item, rng):
+    item["upper"] += "x"
+
+
+#: Faults of a section, by the kind of the value of a key that it changes.
+FAULTS = {
+    ("doors", "segment", list): (inside, across, astray, on_no_storey, misspelt, negative),
+    ("doors", "segment", dict): (of_no_room, too_wide, on_no_storey, misspelt, negative),
+    ("exits", "segment", dict): (of_no_room, too_wide, inside, astray, on_no_storey),
+    ("areas", "polygon", dict): (off_the_floor, on_no_storey),
+    ("shafts", "turn", str): (turned, steep, up_to_nowhere),
+}
+
+
+def spoiled(rng):
+    """Return the table of a plan with two to five faults, and the items that have them."""
+    table = table_of(random_house(rng))
+    table = copy.deepcopy(table)
+    for item in table["doors"] + table["exits"]:
+        if isinstance(item["segment"], dict):
+            item["segment"]["rooms"] = list(item["segment"]["rooms"])
+    found = {key: faults for part, faults in FAULTS.items() if part[0] in table for key in keys(table, *part)}
+    chosen = rng.permutation(list(found))[: rng.integers(2, 6)].tolist()
+    for key in chosen:
+        faults = found[key]
+        faults[rng.integers(len(faults))](item_of(table, key), rng)
+    return table, chosen
+
+
+def errors_of(table):
+    try:
+        return plan_of(table, Path("house"), Path()).check()
+    except BuildingError as error:
+        return error.findings
+
+
+def mend(table, finding):
+    """Apply the remedy of an error."""
+    section = finding.item.partition(".")[0]
+    if finding.remedy == "remove it":
+        table[section].remove(item_of(table, finding.item))
+        return
+    item, lines = item_of(table, finding.item), finding.remedy.splitlines()
+    for line in lines:
+        if line.startswith("remove "):
+            del item[line.removeprefix("remove ")]
+    item |= tomllib.loads("\n".join(line for line in lines if not line.startswith("remove ")))
+
+
+@pytest.mark.parametrize("first", [0, *(pytest.param(first, marks=pytest.mark.slow) for first in range(10, 500, 10))])
+def test_every_fault_is_found_in_one_pass_and_its_remedy_removes_it(first):
+    for number in range(first, first + 10):
+        table, faulty = spoiled(np.random.default_rng((20260103, number)))
+        errors = {one.item: one for one in errors_of(table) if one.kind == "error"}
+        assert set(errors) == set(faulty), number
+        for key, error in errors.items():
+            segment = item_of(table, key).get("segment")
+            if isinstance(segment, list):
+                assert error.place == pytest.approx(np.mean(segment, axis=0)), number
+        for error in errors.values():
+            mend(table, error)
+        assert [one for one in errors_of(table) if one.kind == "error"] == [], number
+
+
+def test_errors_of_copies_are_one_line():
+    plan = Plan("tower")
+    plan.storey("0", [(0, 0), (9, 0), (9, 6), (0, 6)])
+    for k in range(1, 4):
+        plan.storey(f"{k}", z=3.0 * k, like="0")
+    plan.door("lost", "0", [(4, 3), (5, 3)])
+    plan.exit("far", "0", [(30, 3), (30, 4)])
+    with pytest.raises(BuildingError) as caught:
+        plan.building()
+    lost, far = str(caught.value).splitlines()
+    assert lost.startswith("tower: door 'lost'")
+    assert "3 more" in lost
+    assert far.startswith("tower: exit 'far'")
+    found = [(one.kind, one.item, one.storey, one.place) for one in plan.check()]
+    assert found == [("error", "doors.lost", f"{k}", (4.5, 3.0)) for k in range(4)] + [
+        ("error", "exits.far", "0", (30.0, 3.5))
+    ]
+
+
+def test_the_other_turn_is_the_remedy_of_a_stair_that_turns_into_a_wall():
+    plan = Plan()
+    plan.storey("low", [(0, 0), (9, 0), (9, 6), (0, 6)])
+    plan.storey("high", z=3.0, like="low")
+    plan.stair("stair", "low", [(4, 0.1), (4, 1.3)], "high", length=2.7, direction=(1, 0), turn="right")
+    assert [(one.item, one.remedy) for one in plan.check()] == [("stairs.stair", 'turn = "left"')]
