@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 from evac.base.display import Display
 from evac.base.errors import BuildingError, EvacError, ResultError, in_order
 from evac.cli.inputs import case_of, case_to_run, declare_case, note_unused_plugins
-from evac.cli.messages import note
-from evac.cli.screen import show_facts, show_table, show_warnings
+from evac.cli.screen import note, show_facts, show_table, show_warnings
 from evac.contract.hooks import DEFAULT_FIRE
 from evac.folder.files import CHECKPOINT_NAME, COMPLETE, STUDY_NAME, SUMMARY_NAME, TRAJECTORY_NAME, read_manifest
 from evac.folder.resultfolder import is_within

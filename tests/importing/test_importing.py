@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -145,8 +146,8 @@ def test_numbers_of_people_are_rounded_to_the_nearest_but_no_room_is_empty(densi
     building = rooms_of_ground(4.0, 13.0, 18.0, 27.0)
     rooms, _ = fill(building, find_rooms(building), None, density, {})
     assert [room.number for room in rooms] == people
-    stated = {rooms[0].name: 7.6, rooms[1].name: 0.0}
-    rooms, _ = fill(building, find_rooms(building), None, density, stated)
+    areas = [replace(room, key="area") for room in rooms]
+    rooms, _ = fill(building, areas, None, density, {areas[0].name: 7.6, areas[1].name: 0.0})
     assert [room.number for room in rooms] == [8, 0, *people[2:]]
 
 
