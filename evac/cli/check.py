@@ -436,7 +436,7 @@ def execute_explain(arguments: argparse.Namespace) -> int:
     """
     case = case_to_run(arguments)
     note_unused_plugins(case)
-    from evac.cli.outcome import response_times
+    from evac.cli.run import response_times
     from evac.simulation.simulation import Simulation
 
     with Display(has_lines=False) as display:

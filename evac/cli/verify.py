@@ -10,7 +10,7 @@ from evac.cli.screen import note, say
 from evac.evidence import KINDS
 
 if TYPE_CHECKING:
-    from evac.standard.tests import Result
+    from evac.standard.verify import Result
 
 
 #: Exit status if a test is failed, or named and not run.
@@ -38,8 +38,8 @@ def execute_verify(arguments: argparse.Namespace) -> int:
 
     Exit status: 0 if all tests that were run are passed, 1 if not, or if a test that is named cannot be run.
     """
-    from evac.standard.tests import FAILED, PASSED, STANDARDS, TESTS, find_tests
     from evac.standard.trial import Trial, probe
+    from evac.standard.verify import FAILED, PASSED, STANDARDS, TESTS, find_tests
 
     if not arguments.tests:
         for test in TESTS:

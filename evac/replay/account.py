@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import shapely
 
+from evac.analysis.congestion import Queue
 from evac.analysis.lines import LineFlow, line_flows
 from evac.analysis.occupancy import Moves, recorded_moves
-from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.distributions import as_text
 from evac.building.model.building import Building

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from evac.analysis.queues import Queue
+from evac.analysis.congestion import Queue
 from evac.base.arrays import FloatArray
 from evac.base.change import Change
 from evac.base.defaults import MOST_HEIGHT

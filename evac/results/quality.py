@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from evac.analysis.congestion import NEAR
 from evac.analysis.hydraulic import LABORATORY, STAIRS
 from evac.analysis.lines import LineFlow
-from evac.analysis.queues import NEAR
 from evac.base.errors import counted
 from evac.building.model.building import Building
 from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, DENSITY, DENSITY_SPAN, Observation

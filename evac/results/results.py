@@ -15,9 +15,9 @@ from pydantic import BeforeValidator, ConfigDict, Field, GetPydanticSchema, Plai
 from pydantic_core import core_schema
 from typing_extensions import TypedDict
 
+from evac.analysis.congestion import Queue, find_queues
 from evac.analysis.lines import ExitUse, FlowUse, LineFlow, exit_table, flow_rows, line_flows, link_flows, totals
 from evac.analysis.occupancy import Moves, Occupancy, moves_of
-from evac.analysis.queues import Queue, find_queues
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
 from evac.base.errors import ResultError

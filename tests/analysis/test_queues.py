@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evac.analysis.queues import find_queues
+from evac.analysis.congestion import find_queues
 
 
 def test_people_wait_before_the_exit_that_is_nearest(written):

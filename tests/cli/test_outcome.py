@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evac.cli.main import main
-from evac.cli.outcome import show_answer, show_results
+from evac.cli.run import show_answer, show_results
 from evac.cli.screen import show_table
 from evac.results.answer import Answer
 

@@ -5,7 +5,7 @@ import csv
 import pytest
 
 from evac.cli.main import main
-from evac.standard.tests import TESTS
+from evac.standard.verify import TESTS
 from tests.standard.test_standard import HALF
 
 
@@ -15,7 +15,7 @@ def test_passed_tests_give_status_0_and_a_page_but_a_named_one_that_is_not_run_g
     out = tmp_path / "out"
     few = [test for test in TESTS if test.name in ("ISO-21", "ISO-V")]
     with monkeypatch.context() as patch:
-        patch.setattr("evac.standard.tests.TESTS", few)
+        patch.setattr("evac.standard.verify.TESTS", few)
         assert main(["verify", "ISO", "--out", str(out)]) == 0
     assert main(["verify", "RiMEA-1", "IMO-1", "--seed", "4", "--out", str(out)]) == 0
     assert main(["verify", "RiMEA-1", "IMO-1", "NIST-2.7", "--seed", "4", "--out", str(out)]) == 1

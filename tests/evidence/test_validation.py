@@ -4,7 +4,7 @@ import csv
 
 from evac.evidence.evidence import Evidence
 from evac.evidence.validation.page import QUICK_SUBJECTS, failed_tests, run, verdict_rows
-from evac.standard.tests import TESTS
+from evac.standard.verify import TESTS
 
 
 def test_a_model_fails_a_test_with_one_check():

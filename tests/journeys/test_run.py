@@ -12,7 +12,7 @@ import pyvista
 
 import evac
 from evac.cli.main import main
-from evac.cli.outcome import show_answer, show_results
+from evac.cli.run import show_answer, show_results
 from evac.export.vtk import KINDS
 from evac.pictures.palette import NOTHING, rgb
 from evac.pictures.scales import PEOPLE, colouring

@@ -3,7 +3,7 @@
 from shapely import box
 
 import evac
-from evac.analysis.queues import find_queues
+from evac.analysis.congestion import find_queues
 from evac.report.of_run import main_results
 from evac.results.answer import answer_of
 from evac.simulation.simulation import Simulation

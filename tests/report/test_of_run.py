@@ -9,7 +9,7 @@ import tomllib
 import pytest
 
 import evac
-from evac.analysis.queues import find_queues
+from evac.analysis.congestion import find_queues
 from evac.base.errors import ResultError
 from evac.base.toml import case_text
 from evac.case.loading import load_case

@@ -10,7 +10,8 @@ from evac.base.errors import SimulationError
 from evac.results.results import Results
 from evac.standard import plans
 from evac.standard.crowds import weidmann
-from evac.standard.tests import (
+from evac.standard.trial import StandardTest, Trial, check
+from evac.standard.verify import (
     FAILED,
     NOT_APPLICABLE,
     NOT_YET,
@@ -19,11 +20,10 @@ from evac.standard.tests import (
     TESTS,
     Result,
     carry_out,
+    check_rows,
     find_tests,
     of_standard,
 )
-from evac.standard.trial import StandardTest, Trial, check
-from evac.standard.verify import check_rows
 from evac.study.statistics import mean_interval as of_a_study
 
 

@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 from evac.contract.hooks import DEFAULT_MOVEMENT
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.verdicts import all_of, reported
-from evac.standard.tests import FAILED, STANDARDS, TESTS, carry_out
 from evac.standard.trial import StandardTest, Trial
-from evac.standard.verify import check_rows
+from evac.standard.verify import FAILED, STANDARDS, TESTS, carry_out, check_rows
 
 #: The model of new cases, and its name in reports of runs.
 DEFAULT = f"NSM2, {DEFAULT_MOVEMENT}"
