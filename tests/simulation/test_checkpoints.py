@@ -294,8 +294,6 @@ def forge(folder, header=(), **arrays):
         ("simulation.engine.room", np.array([10**12] * 4)),
         ("simulation.engine.tally", np.full(29, np.nan)),
         ("simulation.watch.chatter.of_whom", np.array([0, 5])),
-        ("recorder.replay.frames", np.array([10**15])),
-        ("recorder.replay.stream.times", np.zeros(8, np.uint8)),
         ("recorder.trajectory.changes", np.array(9)),
     ],
 )
