@@ -16,7 +16,7 @@ from evac.cli.inputs import case_of, case_to_run, declare_case, note_unused_plug
 from evac.cli.screen import note, show_facts, show_table, show_warnings
 from evac.contract.hooks import DEFAULT_FIRE
 from evac.folder.files import CHECKPOINT_NAME, COMPLETE, STUDY_NAME, SUMMARY_NAME, TRAJECTORY_NAME, read_manifest
-from evac.folder.resultfolder import is_within
+from evac.folder.resultfolder import find_result, is_within
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,8 +53,9 @@ def execute_check(arguments: argparse.Namespace) -> int:
     case are listed but not executed, so names that they provide cannot be checked, unless --plugin FILE executes them.
     """
     path = Path(arguments.case)
-    if (path.is_dir() and read_manifest(path).state) or path.name == CHECKPOINT_NAME:
-        return check_result(path)
+    result = find_result(path)
+    if (result.is_dir() and read_manifest(result).state) or path.name == CHECKPOINT_NAME:
+        return check_result(result)
     if path.is_file() and (path.suffix != ".toml" or path.name.lower().endswith(PLAN)):
         from evac.base.errors import ScenarioError
         from evac.building.surface.checks import check_exits
