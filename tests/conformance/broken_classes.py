@@ -10,8 +10,8 @@ from evac.physics.contact.model import ContactModel
 from evac.physics.force import Force
 from tests.conformance.broken import Broken, odd, raising
 from tests.conformance.broken_behaviours import Slower
+from tests.conformance.broken_cases import Guessing
 from tests.conformance.broken_contact_models import Bounce
-from tests.conformance.broken_files import Guessing
 
 
 def forgets(self, **values):

@@ -11,17 +11,15 @@ from evac.conformance import check_plugin
 from evac.contract.registry import Registry
 from tests.conformance import (
     broken_behaviours,
+    broken_cases,
     broken_classes,
-    broken_conditions,
     broken_contact_models,
-    broken_files,
     broken_forces,
-    broken_recorders,
     broken_solvers,
 )
 from tests.conformance.broken_behaviours import Slower
+from tests.conformance.broken_cases import Counting
 from tests.conformance.broken_contact_models import Bounce, Linear, Tunes
-from tests.conformance.broken_files import Counting
 from tests.conformance.broken_solvers import solver, sound
 
 #: Plugin, check, what was examined, what is wrong, and the remedy, without file and line.
@@ -34,13 +32,11 @@ BROKEN = [
     pytest.param(broken, id=f"{module.__name__.rpartition('.')[2]}-{k}")
     for module in (
         broken_classes,
-        broken_conditions,
         broken_contact_models,
         broken_solvers,
         broken_forces,
         broken_behaviours,
-        broken_recorders,
-        broken_files,
+        broken_cases,
     )
     for k, broken in enumerate(module.BROKEN)
 ]
