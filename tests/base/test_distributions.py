@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from evac.base.distributions import Distribution, generator_for, parse
+from evac.base.distributions import Distribution, as_text, generator_for, parse
 from evac.base.errors import ScenarioError
 
 N = 20_000
@@ -137,3 +137,12 @@ def test_generators_depend_on_seed_and_names_only():
 
 def test_a_generator_is_the_same_on_every_machine():
     assert generator_for(1, "people", "a", "mass").integers(0, 2**32) == 2152558792
+
+
+def test_values_of_a_case_are_told_in_words():
+    told = {
+        "uniform from 0.2 to 0.25": {"uniform": [0.2, 0.25]},
+        "normal: 1, 2; minimum: 0.5": {"normal": [1, 2], "minimum": 0.5},
+        **{"factor: 0.5": {"factor": 0.5}, "-": {}, "1, 2": [1, 2], "none": [], "yes": True},
+    }
+    assert [as_text(value) for value in told.values()] == [*told]

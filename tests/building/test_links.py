@@ -4,9 +4,10 @@ import networkx
 import pytest
 
 from evac.base.errors import BuildingError, EvacError
-from evac.building.model.links import close_links, levels_reaching
+from evac.building.model.links import close_links, levels_reaching, ways_onto
 from evac.case.loading import load_case
 from evac.simulation.simulation import Simulation
+from tests.three_storeys import three_storeys
 
 EXITS = [{"name": name, "segment": [[x, 0], [x, 2]], "z": z} for name, x, z in (("west", 0, 0.0), ("east", 26, 3.0))]
 
@@ -100,3 +101,16 @@ def test_closing_the_only_way_is_refused_with_who_is_cut_off(stair_mesh, tmp_pat
     with pytest.raises(EvacError, match="people") as caught:
         Simulation(load_case(tmp_path / "case.toml"))
     assert any("'floor z=0.00'" in note for note in caught.value.__notes__)
+
+
+def test_ways_onto_a_level_have_the_names_of_portals_and_of_the_stairs_behind_them():
+    building = three_storeys()
+    found = {
+        level: {name: [portal.index for portal in ways] for name, ways in ways_onto(building, level).items()}
+        for level in range(3)
+    }
+    assert found == {
+        0: {"portal 0": [0], "lower": [0]},
+        1: {"portal 0": [0], "portal 1": [1]},
+        2: {"portal 1": [1], "lower": [1], "portal 2": [2], "upper": [2]},
+    }

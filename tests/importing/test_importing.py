@@ -12,7 +12,7 @@ import shapely.affinity
 import evac
 from evac import BuildingError, ScenarioError, import_building, read_building
 from evac.building.model.findings import KINDS
-from evac.importing.rooms import fill, find_openings, find_rooms
+from evac.importing.rooms import fill, find_openings, find_rooms, with_missing
 
 ROOM = "POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))"
 #: Three rooms along a corridor, with walls of 0.1 m.
@@ -113,6 +113,19 @@ def test_an_incomplete_building_is_refused_with_report_and_picture(house, tmp_pa
     assert made.missing[0] in text_of(made, "report.md")
     again = import_building([house], tmp_path / "case", partial=True)
     assert again.is_accepted
+
+
+def test_what_an_incomplete_building_lacks_is_counted_and_the_first_storeys_are_named():
+    tall, parted = evac.Plan(), evac.Plan()
+    for number in range(13):
+        tall.storey(f"s{number}", shapely.box(0, 0, 5, 4), z=3.0 * number)
+    parted.storey("ground", [shapely.box(0, 0, 5, 4), shapely.box(9, 0, 12, 4)])
+    for plan, name in ((tall, "s0"), (parted, "ground")):
+        plan.exit("door", name, [(0, 1), (0, 2)])
+    lacks = [with_missing(one, ())[0].text for one in (plan.building() for plan in (tall, parted))]
+    assert lacks[0].startswith("12 of 13 storeys have no way out: 's1', ")
+    assert lacks[0].endswith("'s10' and 2 others")
+    assert lacks[1].startswith("12.0 m2 of ground (38 %) have no way out: 'ground")
 
 
 def test_a_partial_import_is_a_quality_warning_of_every_run(house, tmp_path):

@@ -6,6 +6,7 @@ import json
 import re
 import tomllib
 
+import numpy as np
 import pytest
 
 import evac
@@ -19,6 +20,7 @@ from evac.report.of_run import run_report
 from evac.report.pages import Labels
 from evac.report.sections import Places
 from evac.report.verification import evidence, meaning, subject_like
+from evac.results.answer import time_of_share
 from evac.results.recordedcase import CaseTable
 
 from .conftest import HOSTILE, Page
@@ -149,6 +151,11 @@ def test_people_left_inside_are_marked_on_the_plan(tmp_path):
     inside = len(run.leaving) - run.evacuated
     assert inside
     assert f"{inside} in all, as red marks" in run_report(tmp_path / "r", places=Places(maps=()))
+
+
+def test_shares_of_people_who_are_not_all_out():
+    times = np.array([4.0, np.nan, 1.0, 2.0])
+    assert [time_of_share(times, share) for share in (25, 50, 51, 75, 76, 100)] == [1.0, 2.0, 4.0, 4.0, None, None]
 
 
 def test_groups_are_listed_in_the_order_that_people_expect(tmp_path):
