@@ -93,3 +93,7 @@ def test_a_line_that_is_no_toml_is_quoted_with_a_hint(case_file, refusal, line, 
     found = refusal()
     assert f": {line}; " in found
     assert hint in found
+
+
+def test_a_long_value_is_not_told_in_full(refusal):
+    assert len(refusal(f"importers.drawn=[{'0.5, ' * 50_000}]")) < 2_000

@@ -115,3 +115,22 @@ def test_errors_of_a_plan_are_printed_as_json_and_drawn(evac, capsys):
     assert Path("house.png").exists()
     assert evac("check", "house.plan.toml") == 2
     assert "exit 'far'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--exit", "one"], "--exit one"),
+        (["--exit", "1e400"], "--exit 1e400"),
+        (["--exit", "1.5"], "--exit 1.5"),
+        (["--z", "nan"], "--z nan"),
+        (["--people", "0"], "--people"),
+        (["--option", "unit"], "--option unit"),
+        (["--option", "unit=-1"], "unit"),
+        (["--z", "0,3"], "heights"),
+        (["--exit", "9"], "exit 9"),
+    ],
+)
+def test_wrong_arguments_are_named(evac, room, words, message, capsys):
+    assert evac("import", room, "--out", "case", *words) == 2
+    assert message in capsys.readouterr().err
