@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import evac
-from evac.base.errors import PluginError, ResultError, ScenarioError
+from evac.base.errors import PluginError, ResultError, ScenarioError, SimulationError
 from evac.folder.files import RUNS_STREAM_NAME
 from evac.study.store import read_identity, write_identity
 
@@ -353,3 +353,30 @@ def test_a_process_that_dies_once_loses_no_run_and_one_that_dies_again_only_its_
     assert study.table().filter([k != 4 for k in range(8)]).equals(whole.filter([k != 4 for k in range(8)]))
     assert len(started) >= 4  # the pool is made again after each of three deaths
     assert all(process.exitcode is not None for process in started)
+
+
+def test_a_worker_that_cannot_load_the_case_ends_the_study(case):
+    class Executor(concurrent.futures.Executor):
+        def submit(self, *task):
+            future = concurrent.futures.Future()
+            future.set_exception(PluginError("no such plugin here"))
+            return future
+
+    with pytest.raises(PluginError, match="here"):
+        evac.repeat(case, 3, executor=Executor())
+
+
+@pytest.mark.parametrize(("error", "words"), [(MemoryError("no room"), "no room"), (None, "given up")])
+def test_a_task_that_an_executor_does_not_execute_ends_the_study(case, error, words):
+    class Executor(concurrent.futures.Executor):
+        def submit(self, *task):
+            future = concurrent.futures.Future()
+            if error is not None:
+                future.set_exception(error)
+            else:
+                future.cancel()
+                future.set_running_or_notify_cancel()
+            return future
+
+    with pytest.raises(SimulationError, match=rf"simulation.seed = \d.*{words}.*--resume"):
+        evac.repeat(case, 3, executor=Executor())
