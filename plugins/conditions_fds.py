@@ -44,6 +44,17 @@ NAMES = {
     },
 }
 
+#: Units of these quantities in Smokeview files; fractions are in the last one.
+UNITS = {"extinction": ("1/m",), "temperature": ("C",), "radiation": ("kW/m2", "kW/m^2")}
+FRACTION = ("mol/mol",)
+
+#: By how much values may pass the bounds of their quantity, and are clipped: of fractions, 1e-4, of others 0.01 in
+#: their unit, since FDS passes them by such amounts.
+SLACK = 1e-4, 0.01
+
+#: Temperature that no calculation begins with everywhere [C]; values in kelvin are above it.
+HOTTEST_START = 150.0
+
 #: Keys of `&SLCF` that ask for a quantity.
 ASKED = {"extinction": "QUANTITY='EXTINCTION COEFFICIENT'", "temperature": "QUANTITY='TEMPERATURE'"}
 ASKED |= {"radiation": "QUANTITY='INTEGRATED INTENSITY'"}
@@ -100,6 +111,8 @@ class Fds(ConditionSource):
         for quantity, own in self._blocks.items():
             for index in levels:
                 _check_heights(path, scene, scene.building.levels[index], quantity, own)
+        for block in blocks:
+            _check_values(block)
         self.last = min(float(block.times[-1]) for block in blocks)
         first = max(blocks, key=lambda block: float(block.times[0]))
         if first.times[0] > scene.settings.start + 1e-3:
@@ -136,6 +149,7 @@ class Fds(ConditionSource):
             for block, rows, nodes, weights in located[key]:
                 sums[rows] += factor * blocks[block].at(time, nodes, weights)
                 values[row, rows] = sums[rows]
+            _check_bounds(blocks[0], quantity, values[row], time)
             np.clip(values[row], own.least, own.most, out=values[row])  # NaN stays
         return values
 
@@ -202,6 +216,37 @@ class Fds(ConditionSource):
 
 #: Number of a block, the rows of people whose values it holds, and the nodes and weights that give them.
 _Part = tuple[int, NDArray[np.int64], NDArray[np.int64], FloatArray]
+
+
+def _check_values(block: "Block") -> None:
+    """Refuse another unit than that of FDS, and values at the first and last time that the quantity cannot have."""
+    quantity, factor = NAMES[block.quantity]
+    units = UNITS.get(quantity, FRACTION)
+    if block.unit not in units:
+        raise ScenarioError(
+            f"{block.path}: {block.quantity} is in {block.unit!r} in the Smokeview file, not in {units[0]}; "
+            "write the slices as FDS does"
+        )
+    for index in (0, len(block.times) - 1):
+        values = factor * block.frame(index)
+        _check_bounds(block, quantity, values, block.times[index])
+        if quantity == "temperature" and index == 0 and values.min() > HOTTEST_START:
+            raise ScenarioError(
+                f"{block.path}: t = {block.times[0]:g} s: the air is at {values.min():.1f} C or more everywhere: "
+                "these are kelvin; write the values in degrees Celsius, as FDS does"
+            )
+
+
+def _check_bounds(block: "Block", quantity: str, values: FloatArray, time: float) -> None:
+    """Refuse values [unit of the quantity] that it cannot have; NaN are none."""
+    own = QUANTITIES[quantity]
+    slack = SLACK[0] * own.most if own.unit in ("%", "ppm") else SLACK[1]
+    wrong = values[(values < own.least - slack) | (values > own.most + slack)]
+    if len(wrong):
+        raise ScenarioError(
+            f"{block.path}: t = {time:g} s: {block.quantity} gives {wrong[0]:g} {own.unit}, outside [{own.least:g}, "
+            f"{own.most:g}]; the file is damaged, or not in the unit of FDS: run FDS again"
+        )
 
 
 def _within(block: "Block", points: FloatArray) -> NDArray[np.bool_]:

@@ -9,6 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+#: Units of quantities as FDS writes them; others are fractions.
+UNITS = {"SOOT EXTINCTION COEFFICIENT": "1/m", "EXTINCTION COEFFICIENT": "1/m", "TEMPERATURE": "C"}
+UNITS |= {"INTEGRATED INTENSITY": "kW/m2"}
+
 EXTINCTION, CO = "SOOT EXTINCTION COEFFICIENT", "CARBON MONOXIDE VOLUME FRACTION"
 
 
@@ -87,7 +91,7 @@ def write_slices(folder, meshes, slices, times, cell=0.5, name="fire"):
                 f" {file}",
                 f" {quantity}",
                 " short",
-                " unit",
+                f" {UNITS.get(quantity, 'mol/mol')}",
             ]
     path = folder / f"{name}.smv"
     path.write_text("\n".join(lines) + "\n")

@@ -9,6 +9,12 @@ from evac.base.arrays import COPY, FloatArray, as_floats, read_only
 from evac.base.errors import fault, plugin_code
 from evac.base.parameters import Configurable
 
+#: Extinction coefficient of smoke so dense that laws have their least speed [1/m].
+DENSE = 1e4
+
+#: Least share of the speed in irritants, if a law states no least speed: that of FDS+Evac in smoke.
+LEAST_SHARE = 0.1
+
 
 class SmokeLaw(Configurable, ABC):
     """How fast people walk in smoke: the base class of such laws.
@@ -42,7 +48,8 @@ def share_in_smoke(
     """Return the share (n,) of the desired speeds [m/s] that smoke and irritant gases leave.
 
     Extinction coefficients are in 1/m, irritants on the scale of incapacitation. The losses are added, and not both
-    counted if the law was measured in irritant smoke.
+    counted if the law was measured in irritant smoke. The law's speed in the densest smoke stays, so that irritants halt
+    nobody; `LEAST_SHARE` stays if that is zero, or the law needs no extinction.
     """
     with plugin_code(f"law {law.name!r}: speed", law, COPY):
         speed = as_floats(law.speed(read_only(desired), read_only(extinction)))
@@ -56,7 +63,12 @@ def share_in_smoke(
     speed = np.clip(speed, 0.0, desired)
     share: FloatArray = np.divide(speed, desired, out=np.ones_like(desired), where=desired > 0.0)
     if irritants is not None and not law.is_irritant:
-        share = np.clip(share - (1.0 - share_with_irritants(irritants)), 0.0, 1.0)
+        least = np.minimum(share, LEAST_SHARE)
+        if law.needs_extinction:
+            with plugin_code(f"law {law.name!r}: speed", law, COPY):
+                dense = as_floats(law.speed(read_only(desired), read_only(np.full_like(desired, DENSE))))
+            least = np.minimum(share, np.divide(dense, desired, out=least, where=(desired > 0.0) & (dense > 0.0)))
+        share = np.clip(share - (1.0 - share_with_irritants(irritants)), least, 1.0)
     return share
 
 

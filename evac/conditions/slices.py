@@ -29,6 +29,9 @@ HEADER = np.dtype(
 #: Bytes of a slice file that are read at a time when its times are listed.
 CHUNK = 32_000_000
 
+#: A time after the one before is a gap if it is this many times the median.
+GAP = 10.0
+
 _SLICE = re.compile(r"SLC([FC])\s+(\d+)\b.*?&((?:\s+\d{1,9}){6})(?:\s|$)")
 
 
@@ -54,6 +57,7 @@ class Block:
     axes: tuple[FloatArray, FloatArray, FloatArray]
     ends: FloatArray
     times: FloatArray
+    unit: str  # as FDS writes it
     shape: tuple[int, int, int]  # of the values in the file, along z, y and x
     is_centred: bool
     _frames: dict[int, FloatArray] = field(default_factory=dict, repr=False)
@@ -131,7 +135,7 @@ def read_slices(
 ) -> list[Block]:
     """Return the planes and volumes of some quantities that a Smokeview file lists, shifted by (3,) [m].
 
-    Slices along terrain are left out, as are files without a complete time.
+    Slices along terrain are left out.
     """
     try:
         if _size_of(path) > MOST_BYTES:
@@ -160,9 +164,7 @@ def read_slices(
         file = (path.parent / names[0]).resolve()
         if not file.is_relative_to(path.parent.resolve()):
             raise _damaged(path, number + 1, f"{names[0]!r:.80} is outside of its folder")
-        block = _block_of(file, names[1], nodes[mesh], bounds, match[1] == "C")
-        if len(block.times):
-            blocks.append(block)
+        blocks.append(_block_of(file, (names[1], names[3]), nodes[mesh], bounds, match[1] == "C"))
     return blocks
 
 
@@ -194,9 +196,9 @@ def _nodes_in(path: Path, lines: list[str]) -> list[tuple[FloatArray, FloatArray
 
 
 def _block_of(
-    path: Path, quantity: str, nodes: Sequence[FloatArray], bounds: NDArray[np.int64], is_centred: bool
+    path: Path, labels: tuple[str, str], nodes: Sequence[FloatArray], bounds: NDArray[np.int64], is_centred: bool
 ) -> Block:
-    """Return the block of a slice file, whose times are read."""
+    """Return the block of a slice file with its quantity and unit, whose times are read."""
     axes, ends = [], np.empty((3, 2))
     for k, (own, (first, last)) in enumerate(zip(nodes, bounds.tolist(), strict=True)):
         part = own[first : last + 1]
@@ -208,7 +210,7 @@ def _block_of(
         ends[k] = part[0], part[-1]
     shape = tuple((bounds[::-1, 1] - bounds[::-1, 0] + 1).tolist())
     times = _times_in(path, bounds, int(np.prod(shape)))
-    return Block(path, quantity, (axes[0], axes[1], axes[2]), ends, times, shape, is_centred)
+    return Block(path, labels[0], (axes[0], axes[1], axes[2]), ends, times, labels[1], shape, is_centred)
 
 
 def _size_of(path: Path) -> int:
@@ -226,7 +228,7 @@ def _times_in(path: Path, bounds: NDArray[np.int64], size: int) -> FloatArray:
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}; check the folder of the results") from error
     if not len(head):
-        return np.empty(0)
+        raise ScenarioError(f"{path}: contains no values; run FDS again, or remove its slice from the Smokeview file")
     lengths = [int(head[f"{part}{k}"][0]) for k in range(3) for part in "ab"] + [int(head[part][0]) for part in "cd"]
     if lengths != [30] * 6 + [24] * 2:
         raise ScenarioError(
@@ -239,6 +241,8 @@ def _times_in(path: Path, bounds: NDArray[np.int64], size: int) -> FloatArray:
         )
     kind = _frame_of(size)
     number, step = (bytes_ - HEADER.itemsize) // kind.itemsize, max(1, CHUNK // kind.itemsize)
+    if number == 0:
+        raise ScenarioError(f"{path}: has no complete time; run FDS again, or remove its slice from the Smokeview file")
     times = np.empty(number)
     for first in range(0, number, step):
         part = np.memmap(path, kind, "r", HEADER.itemsize + first * kind.itemsize, (min(step, number - first),))
@@ -253,6 +257,13 @@ def _times_in(path: Path, bounds: NDArray[np.int64], size: int) -> FloatArray:
         frame = int(np.argmax(~(np.diff(times, prepend=-np.inf) > 0.0)))
         raise ScenarioError(
             f"{path}: time {frame + 1}, {times[frame]:g} s, is not later than the one before; run FDS again"
+        )
+    spans = np.diff(times)
+    if number > 2 and spans.max() > GAP * np.median(spans):
+        k = int(spans.argmax())
+        raise ScenarioError(
+            f"{path}: has no values between {times[k]:g} and {times[k + 1]:g} s, but otherwise every "
+            f"{np.median(spans):g} s; run FDS again with one DT_SLCF, or copy all of the file"
         )
     return times
 

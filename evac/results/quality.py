@@ -226,6 +226,12 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
     if fallen := len(results.stopped):
         first = min(results.exposure["stopped_at"][results.stopped].tolist())
         lines.append(f"{_number(fallen)} stopped by gases or heat, the first at {first:.1f} s; they are still inside")
+    irritants = results.exposure.get("greatest_irritants", np.zeros(0))
+    if severe := int((irritants >= 1.0).sum()):
+        lines.append(
+            f"{_number(severe)} in irritants of at least the concentration of incapacitation, up to "
+            f"{irritants.max():.2g} times it: they are slowed, not stopped"
+        )
     if results.staying:
         lines.append(f"{_number(results.staying)} inside did not leave (leave = false)")
     for name, entered in results.entered_barred.items():

@@ -214,3 +214,24 @@ def test_a_run_whose_slices_have_changed_is_not_resumed(two_planes):
 def toml(case):
     """Return a case as TOML, with its tables in lines."""
     return "\n".join(f"{key} = {toml_value(value)}" for key, value in case.table.items())
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "unit", "words"),
+    [
+        ("TEMPERATURE", 293.15, "C", "kelvin"),
+        ("TEMPERATURE", 20.0, "K", "in 'K'"),
+        (EXTINCTION, 1e30, "1/m", "gives 1e.30 1/m"),
+        (EXTINCTION, -1.0, "1/m", "gives -1 1/m"),
+        (CO, -1.0, "mol/mol", "gives -1e.06 ppm"),
+        (CO, 1e-3, "kg/kg", "in 'kg/kg'"),
+    ],
+)
+def test_values_and_units_that_a_quantity_cannot_have_are_refused_and_not_clipped(tmp_path, name, value, unit, words):
+    path, _ = write_slices(tmp_path, BOX, [(name, z, False, constant(value)) for z in (1.5, 4.5)], [0.0, 10.0])
+    lines = path.read_text().splitlines()
+    path.write_text(
+        "\n".join([*(f" {unit}" if lines[k - 2].strip() == name else line for k, line in enumerate(lines)), ""])
+    )
+    with pytest.raises(evac.ScenarioError, match=words):
+        Simulation(house(path))

@@ -81,9 +81,18 @@ def test_losses_by_smoke_and_irritants_add():
     np.testing.assert_allclose(share_with_irritants(fic), [1.0, 0.914, 0.714, 0.308, 0.141, 0.083, 0.0], atol=6e-4)
     smoke, desired = np.full(7, 3.0), np.full(7, 1.25)
     share = share_in_smoke(LAWS["fds_evac"](), desired, smoke, fic)
-    np.testing.assert_allclose(share, np.maximum(1.0 - 3.0 * 0.057 / 0.706 - (1.0 - share_with_irritants(fic)), 0.0))
+    np.testing.assert_allclose(share, np.maximum(1.0 - 3.0 * 0.057 / 0.706 - (1.0 - share_with_irritants(fic)), 0.1))
     only = share_in_smoke(LAWS["jin_irritant"](), desired, smoke, fic)
     np.testing.assert_array_equal(only, only[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "least"), [("fds_evac", 0.12), ("fridolf", 0.2), ("jin", 0.3), ("sfpe", 0.1), ("none", 0.12)]
+)
+def test_irritants_halt_nobody_because_laws_keep_their_least_speed(name, least):
+    for smoke in (0.0, 6.0):
+        share = share_in_smoke(LAWS[name](), np.array([1.2]), np.array([smoke]), np.array([2.2]))
+        assert 1.2 * share[0] == pytest.approx(least)
 
 
 def test_irritants_slow_people_who_recover_behind_them():
