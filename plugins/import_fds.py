@@ -17,6 +17,9 @@ from evac.building.plan.plan import Plan
 
 #: Heights above the floor at which an obstruction is in the way [m], and the clear height that a storey needs [m].
 SECTIONS, CLEAR = (0.3, 1.0, 1.7), 1.8
+#: Height of the middle of an evacuation mesh above its floor, unless EVAC_Z_OFFSET states another [m]: the default of
+#: FDS+Evac; and the highest above a floor at which lines of FDS+Evac belong to it [m].
+Z_OFFSET, REACH = 1.0, 2.5
 #: Greatest thickness of a slab [m], least area of a storey [m2], and heights that are one storey [m].
 THICKEST_SLAB, LEAST_FLOOR, SAME = 0.6, 4.0, 0.3
 #: Least thickness of an obstruction [m]: those without a thickness are walls too.
@@ -30,8 +33,10 @@ OUTSIDE, LEAST_PART = 0.1, 0.5
 class FdsImporter(Importer):
     """FDS input files (.fds): storeys at the bottom of the meshes and at the top of each slab, exits and start areas.
 
-    The floor area is what no obstruction occupies between 0.3 and 1.7 m above the floor, except where holes are cut out
-    of them. `&EXIT` lines of FDS+Evac are exits, `&EVAC` lines start areas, and `&DOOR` lines and open vents openings.
+    Evacuation meshes of FDS+Evac state floors, EVAC_Z_OFFSET below their middle; other meshes then state none. The
+    floor area is what no obstruction occupies between 0.3 and 1.7 m above the floor, except where holes are cut out of
+    them. Lines with EVACUATION=.FALSE. are not met. `&EXIT` lines of FDS+Evac are exits, unless they only count,
+    `&EVAC` lines start areas, and `&DOOR` lines and open vents openings.
     """
 
     name = "fds"
@@ -43,11 +48,15 @@ class FdsImporter(Importer):
         """Read the deck; raise ValueError if it has no mesh."""
         text = path.read_text(encoding="utf-8", errors="replace")
         lines = [*_repeated([*_namelists(text)])]
-        of = {group: [line for line in lines if line.group == group and line.box is not None] for group in GROUPS}
-        meshes = [one for one in of["MESH"] if "EVAC" not in one.text]
-        if not meshes:
-            raise ValueError("the deck has no &MESH with XB")
         plan = Plan(path)
+        unseen = [one for one in lines if one.says("EVACUATION", "F")]
+        if unseen:
+            first = f"the first is &{unseen[0].group} in line {unseen[0].number}"
+            plan.note("found", f"{len(unseen)} lines with EVACUATION=.FALSE., which people do not meet; {first}")
+        seen = [one for one in lines if one not in unseen and one.box is not None]
+        of = {group: [line for line in seen if line.group == group] for group in GROUPS}
+        if not of["MESH"]:
+            raise ValueError("the deck has no &MESH with XB that people can walk in")
         for one in lines:
             if one.group in LEFT_OUT or "MULT_ID" in one.text:
                 why = "its &MULT is missing" if "MULT_ID" in one.text else "draw it in building.plan.toml"
@@ -60,16 +69,29 @@ class FdsImporter(Importer):
             ):
                 side = "the ground up to there is read, although it may be outside of the building"
                 plan.note("warning", f"the meshes are open at a side (&VENT, line {one.number}): {side}")
-        storeys = [(z, floor) for z, floor in _floors(meshes, of["OBST"], of["HOLE"]) if floor.area >= self.least]
+        for one in [one for one in of["EXIT"] if one.says("COUNT_ONLY", "T")]:
+            of["EXIT"].remove(one)
+            ends = "" if one.segment is None else f" segment = {one.segment.tolist()}"
+            text = (
+                f"&EXIT {one.name} (line {one.number}) only counts people (COUNT_ONLY): to count them, write a [[line]]"
+            )
+            plan.note("left out", f"{text} with{ends} into case.toml")
+        floors = _floors(of["MESH"], of["OBST"], of["HOLE"])
+        storeys = [(z, floor) for z, floor in floors if floor.area >= self.least]
         if not storeys:
             raise ValueError(f"nowhere in the meshes are there {self.least:g} m2 of floor with {CLEAR:g} m above it")
+        heights = np.array([z for z, _ in storeys])
+        for one in (*of["EXIT"], *of["EVAC"]):
+            if one.storey_of(heights) is None:
+                text = f"&{one.group} {one.name} (line {one.number}) at z = {one.middle:.2f} m is on no storey"
+                plan.note("missing", text)
         for number, (z, floor) in enumerate(storeys, start=1):
-            self._add_storey(plan, f"floor {number}", z, floor, of)
+            own = {group: [one for one in found if one.storey_of(heights) == number - 1] for group, found in of.items()}
+            self._add_storey(plan, f"floor {number}", z, floor, own)
         return plan
 
-    def _add_storey(self, plan: Plan, storey: str, z: float, floor: BaseGeometry, of: "dict[str, list[Line]]") -> None:
-        """Add one storey, and the exits, openings and start areas whose boxes begin at its height."""
-        own = {group: [one for one in found if abs(one.low - z) <= 2.0 * SAME] for group, found in of.items()}
+    def _add_storey(self, plan: Plan, storey: str, z: float, floor: BaseGeometry, own: "dict[str, list[Line]]") -> None:
+        """Add one storey with its exits, openings and start areas."""
         starts = shapely.union_all([one.plan for one in own["EVAC"]])
         outer = [(one, one.outside) for one in own["EXIT"]]
         floor = floor.difference(shapely.union_all([ground for _, ground in outer]))
@@ -84,7 +106,7 @@ class FdsImporter(Importer):
         ground = shapely.union_all(inside)
         for one, outside in outer:
             if not ground.dwithin(outside, OUTSIDE):
-                plan.note("left out", f"&EXIT {one.name} (line {one.number}) is not at the ground", storey)
+                plan.note("missing", f"&EXIT {one.name} (line {one.number}) is not at the ground", storey)
                 continue
             plan.exit(f"{one.name} (line {one.number})", storey, polygon=outside)
         vents = [one for one in own["VENT"] if "OPEN" in one.text and one.segment is not None]
@@ -92,7 +114,9 @@ class FdsImporter(Importer):
             if one.segment is not None and ground.boundary.dwithin(shapely.LineString(one.segment).centroid, OUTSIDE):
                 plan.opening(storey, one.segment)
         for one in own["EVAC"]:
-            if one.plan.intersects(ground):
+            if not one.plan.intersects(ground):
+                plan.note("missing", f"&EVAC {one.name} (line {one.number}) is not on the ground", storey)
+            else:
                 plan.area(f"{one.name} (line {one.number})", storey, one.plan)
 
 
@@ -107,10 +131,27 @@ class Line:
     box: FloatArray | None
 
     @property
-    def low(self) -> float:
-        """The height of its lower side [m]."""
+    def middle(self) -> float:
+        """The height of its middle [m], at most `Z_OFFSET` above its lower side."""
         assert self.box is not None
-        return float(self.box[4])
+        return float(min(self.box[4:].mean(), self.box[4] + Z_OFFSET))
+
+    @property
+    def floor(self) -> float:
+        """The height of the floor that a mesh states [m]."""
+        assert self.box is not None
+        offset = (_numbers(self.text, "EVAC_Z_OFFSET") or [Z_OFFSET])[0]
+        return float(self.box[4:].mean() - offset if self.says("EVACUATION", "T") else self.box[4])
+
+    def says(self, key: str, value: str) -> bool:
+        """Return whether a key is true ("T") or false ("F")."""
+        return re.search(rf"\b{key}\s*=\s*\.?{value}", self.text) is not None
+
+    def storey_of(self, heights: FloatArray) -> int | None:
+        """Return the storey on whose floor it stands, of ascending heights [m]; None if there is none."""
+        below = self.middle - heights
+        found = np.flatnonzero((below >= -SAME) & (below <= REACH))
+        return int(found[-1]) if len(found) else None
 
     @property
     def plan(self) -> BaseGeometry:
@@ -207,7 +248,9 @@ def _moves(mult: Line) -> FloatArray:
 
 def _floors(meshes: list[Line], obstructions: list[Line], holes: list[Line]) -> Iterator[tuple[float, BaseGeometry]]:
     """Yield the height and the ground of each storey, the lowest first."""
-    domain = np.array([mesh.box for mesh in meshes])
+    top = max(float(mesh.box[5]) for mesh in meshes if mesh.box is not None)
+    stated = [mesh for mesh in meshes if mesh.says("EVACUATION", "T") and not mesh.says("EVAC_HUMANS", "F")]
+    ground = [(mesh.floor, mesh.plan) for mesh in stated or meshes]
     boxes = np.array([obstruction.box for obstruction in obstructions]).reshape(-1, 6)
     sides = boxes.reshape(-1, 3, 2)[:, :2]
     sides += np.clip(THINNEST - np.ptp(sides, axis=2), 0.0, None)[:, :, None] / 2 * [-1.0, 1.0]
@@ -215,18 +258,25 @@ def _floors(meshes: list[Line], obstructions: list[Line], holes: list[Line]) -> 
         (boxes[:, 5] - boxes[:, 4] <= THICKEST_SLAB)
         & (np.ptp(boxes.reshape(-1, 3, 2)[:, :2], axis=2).min(axis=1) > 1.0)
     ]
-    heights: list[float] = []
-    for z in sorted([float(domain[:, 4].min()), *slabs[:, 5].tolist()]):
-        if not heights or z - heights[-1] > SAME:
-            heights.append(z)
-    for z in heights:
+    given = [z for z, _ in ground] if stated else [min(z for z, _ in ground)]
+    heights: list[
+        tuple[float, bool]
+    ] = []  # and whether it is the top of a slab, which is the floor of a mesh around it
+    for z, is_slab in sorted([*((z, False) for z in given), *((z, True) for z in slabs[:, 5].tolist())]):
+        if not heights or z - heights[-1][0] > SAME:
+            heights.append((z, is_slab))
+        elif is_slab and not heights[-1][1]:
+            heights[-1] = z, True
+    for z, _ in heights:
         tops = slabs[np.abs(slabs[:, 5] - z) <= SAME]
-        bottoms = domain[np.abs(domain[:, 4] - z) <= SAME]
         floor = _solid(tops, holes, z - 0.01) if len(tops) else shapely.GeometryCollection()
-        floor = shapely.union_all([floor, *shapely.box(*bottoms[:, [0, 2, 1, 3]].T)])
-        top = domain[:, 5].max()
-        walls = [_solid(boxes[(boxes[:, 4] < z + h) & (boxes[:, 5] > z + h)], holes, z + h) for h in SECTIONS]
-        if z + CLEAR <= top and (z == heights[0] or any(wall.intersects(floor) for wall in walls[1:])):
+        floor = shapely.union_all([floor, *(plan for low, plan in ground if abs(low - z) <= SAME)])
+        between = slabs[:, 4:].mean(axis=1)
+        between = between[(between > z + SECTIONS[0]) & (between < z + SECTIONS[-1])]
+        cuts = [*(z + h for h in SECTIONS), *np.unique(np.round(between, 2)).tolist()]
+        walls = [_solid(boxes[(boxes[:, 4] < cut) & (boxes[:, 5] > cut)], holes, cut) for cut in cuts]
+        is_given = any(abs(low - z) <= SAME for low in given)
+        if is_given or (z + CLEAR <= top and any(wall.intersects(floor) for wall in walls[1 : len(SECTIONS)])):
             yield z, floor.difference(shapely.union_all(walls))
 
 

@@ -90,7 +90,7 @@ def test_vertical_planes_are_known(tmp_path, is_centred):
 def test_damaged_smokeview_files_are_refused_with_the_line(tmp_path, change, words):
     path, _ = write_slices(tmp_path, MESHES, [(CO, 1.5, False, wave)], [0.0, 1.0])
     path.write_text(change(path.read_text()))
-    with pytest.raises(evac.evac.ScenarioError) as error:
+    with pytest.raises(evac.ScenarioError) as error:
         read_slices(path, frozenset([CO]))
     assert all(word in str(error.value) for word in words), error.value
 
@@ -101,7 +101,7 @@ def test_values_that_are_not_finite_are_refused_with_file_and_time(tmp_path):
     )
     block = read_slices(path, frozenset([CO]))[0]
     block.frame(0)
-    with pytest.raises(evac.evac.ScenarioError, match=rf"{next(iter(written))}: t = 2 s"):
+    with pytest.raises(evac.ScenarioError, match=rf"{next(iter(written))}: t = 2 s"):
         block.frame(1)
 
 
@@ -136,7 +136,7 @@ def test_damaged_files_are_read_right_or_refused(tmp_path):
                 for index in range(len(block.times)):
                     assert np.isfinite(block.frame(index)).all()
                 assert len(block.times) <= len(values)
-        except evac.evac.ScenarioError as error:
+        except evac.ScenarioError as error:
             refused.append(str(error))
     assert 50 < len(refused) < 300
     assert all(str(tmp_path) in line and "\n" not in line for line in refused)

@@ -74,3 +74,51 @@ def test_an_open_side_of_the_meshes_is_told(tmp_path):
     (tmp_path / "a.fds").write_text(DECK)
     told = [one.text for one in read_building(tmp_path / "a.fds").findings if one.kind == "warning"]
     assert len([text for text in told if "open at a side (&VENT, line 9)" in text]) == 1
+
+
+WALLS = """&OBST XB=0.0,12.0,0.0,0.2,0.0,7.0 /
+&OBST XB=0.0,12.0,7.8,8.0,0.0,7.0 /
+&OBST XB=0.0,0.2,0.0,8.0,0.0,7.0 /
+&OBST XB=11.8,12.0,0.0,8.0,0.0,7.0 /
+&HOLE XB=11.7,12.1,3.4,4.6,0.0,2.0 /
+"""
+FIRE = "&MESH IJK=60,40,15, XB=0.0,12.0,0.0,8.0,{} /\n"
+THIN = "&MESH IJK=60,40,1, XB=0.0,12.0,0.0,8.0,0.9,1.1, EVACUATION=.TRUE., EVAC_HUMANS=.TRUE., EVAC_Z_OFFSET=1.0 /\n"
+PEOPLE = "&EXIT ID='door', XB=12.0,12.0,3.4,4.6,{0}, IOR=1 /\n&EVAC ID='crowd', XB=1.0,5.0,1.0,7.0,{0} /\n"
+SLAB = "&OBST XB=0.0,12.0,0.0,8.0,-0.2,0.0 /\n&OBST XB=6.0,6.2,0.2,7.8,0.0,0.15 /\n"  # and a duct that one steps over
+SCREEN = "&OBST XB=8.0,8.2,0.2,7.8,0.0,3.0, EVACUATION=.FALSE. /\n"
+COUNT = "&EXIT ID='counter', COUNT_ONLY=.TRUE., XB=6.0,6.0,0.2,7.8,0.4,1.6 /\n"
+
+
+@pytest.mark.parametrize(
+    "deck",
+    [
+        THIN + PEOPLE.format("0.9,1.1"),
+        FIRE.format("0.0,3.0") + THIN + PEOPLE.format("0.9,1.1"),
+        FIRE.format("3.2,7.2") + THIN + PEOPLE.format("0.9,1.1"),
+        FIRE.format("-0.2,3.0") + SLAB + PEOPLE.format("0.4,1.6"),
+        FIRE.format("-0.6,3.0") + SLAB + PEOPLE.format("0.0,2.0"),
+        FIRE.format("0.0,3.0") + SCREEN + PEOPLE.format("0.0,2.0"),
+        FIRE.format("0.0,3.0") + COUNT + PEOPLE.format("0.9,1.1"),
+    ],
+)
+def test_decks_of_fds_evac_give_the_room_that_they_mean(tmp_path, deck):
+    """A room of 11.6 x 7.6 m, with a door of 1.2 m in a wall of 0.2 m."""
+    (tmp_path / "a.fds").write_text(WALLS + deck)
+    made = import_building([tmp_path / "a.fds"], tmp_path / "case", people=5)
+    (level,), (way,), (area,) = made.building.levels, made.building.exits, made.building.areas
+    assert (made.missing, level.z_min) == ((), 0.0)
+    assert level.polygon.area == pytest.approx(11.6 * 7.6 + 0.2 * 1.2, rel=1e-3)
+    assert (way.name.partition(" ")[0], way.width, area.polygon.area) == (
+        "door",
+        pytest.approx(1.2),
+        pytest.approx(24.0),
+    )
+    assert any("[[line]]" in one.text for one in made.findings) == ("COUNT_ONLY" in deck)
+
+
+@pytest.mark.parametrize("height", ["6.0,7.0", "-3.0,-2.0"])
+def test_an_exit_on_no_storey_makes_a_deck_incomplete(tmp_path, height):
+    (tmp_path / "a.fds").write_text(WALLS + THIN + PEOPLE.format(height))
+    made = import_building([tmp_path / "a.fds"], tmp_path / "case", people=5)
+    assert [line for line in made.missing if "EXIT door" in line]
