@@ -4,6 +4,7 @@ import fnmatch
 import re
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
@@ -30,7 +31,7 @@ from evac.building.recover.drawings import (
     use_of,
     walls_by_spacing,
 )
-from evac.building.recover.linework import THICKEST_WALL, faces_of, reaching, rooms_of
+from evac.building.recover.linework import THICKEST_WALL, Rooms, faces_of, reaching, rooms_of
 from evac.building.surface.resolution import LARGEST, SMALLEST, helpful_factor
 
 #: Optional prefix of layer names.
@@ -54,13 +55,29 @@ LEAST_PANE = 0.5
 MOST_ALONE = 20
 #: Why entities are left out.
 NAMED, HIDDEN = "since it or their block is named so", "since it is off or frozen"
-#: Units that are tried where doors are too wide or too narrow [m].
+#: Areas of rooms that are believed [m2], and units that are tried where doors are too wide or too narrow, or where
+#: lines enclose no room [m].
+ROOMS = 4.0, 2000.0
 DOUBTED = (1e-3, 1e-2, 0.0254, 1.0, 0.3048, 0.1)
 #: Values of $INSUNITS: name and length of the unit [m].
 UNITS = {
-    **{1: ("inch", 0.0254), 2: ("foot", 0.3048), 4: ("millimetre", 1e-3), 5: ("centimetre", 1e-2), 6: ("metre", 1.0)},
-    **{7: ("kilometre", 1e3), 10: ("yard", 0.9144), 14: ("decimetre", 0.1), 21: ("US survey foot", 1200 / 3937)},
+    **{
+        1: ("inch", 0.0254),
+        2: ("foot", 0.3048),
+        3: ("mile", 1609.344),
+        4: ("millimetre", 1e-3),
+        5: ("centimetre", 1e-2),
+    },
+    **{6: ("metre", 1.0), 7: ("kilometre", 1e3), 8: ("microinch", 2.54e-8), 9: ("mil", 2.54e-5), 10: ("yard", 0.9144)},
+    **{11: ("angstrom", 1e-10), 12: ("nanometre", 1e-9), 13: ("micrometre", 1e-6), 14: ("decimetre", 0.1)},
+    **{15: ("decametre", 10.0), 16: ("hectometre", 100.0), 17: ("gigametre", 1e9), 18: ("astronomical unit", 1.496e11)},
+    **{19: ("light year", 9.461e15), 20: ("parsec", 3.086e16), 21: ("US survey foot", 1200 / 3937)},
+    **{22: ("US survey inch", 100 / 3937), 23: ("US survey yard", 3600 / 3937), 24: ("US survey mile", 6336000 / 3937)},
 }
+
+
+class NothingEnclosedError(ValueError):
+    """Lines of a drawing enclose no room."""
 
 
 class DxfImporter(Importer):
@@ -114,6 +131,24 @@ class DxfImporter(Importer):
         if not shapes:
             raise BuildingError(f"{path}: {_no_floor(document)}")
         unit = self._metres(plan, document, shapes)
+        try:
+            return self._planned(plan, document, shapes, unit, has_floor)
+        except NothingEnclosedError:
+            for other in DOUBTED if not self.unit else ():
+                again = Plan(path)
+                again.findings = [one for one in plan.findings if not one.text.startswith("1 unit is")]
+                with suppress(ValueError, BuildingError):
+                    found = self._planned(again, document, shapes, other, has_floor)
+                    areas = shapely.area([room for storey in found.storeys.values() for room in storey.polygons])
+                    if other != unit and ROOMS[0] <= (area := float(np.median(areas))) <= ROOMS[1]:
+                        text = f"1 unit is {other:.4g} m: with {unit:.4g} m, the lines enclose no room, and now half"
+                        found.note("assumed", f"{text} of the parts of the ground have {area:.1f} m2 or more (unit)")
+                        return found
+            raise
+
+    def _planned(self, plan: Plan, document: Any, shapes: "list[Shape]", unit: float, has_floor: bool) -> Plan:
+        """Return the plan with the storeys of the paths, of a unit [m]."""
+        path = plan.source
         drawn = [line for shape in shapes for line in _drawn(shape, unit, self.deviation, CLOSED)]
         if has_floor:
             self._add_floor(plan, drawn)
@@ -226,6 +261,14 @@ class DxfImporter(Importer):
     def _add_plans(self, plan: Plan, drawn: "list[Drawn]") -> None:
         """Add a storey for each plan of a drawing, from its walls."""
         grounds = plans_of([one.line for one in drawn if one.use in ("walls", "windows", "doors")])
+        if len(grounds) > 1:
+            rooms = [self._rooms_in([one for one in drawn if one.line.intersects(ground)])[0] for ground in grounds]
+            stray = [ground for ground, own in zip(grounds, rooms, strict=True) if own is None or own.floor.is_empty]
+            for ground in stray if len(stray) < len(grounds) else ():
+                x1, y1, x2, y2 = ground.bounds
+                size = f"{x2 - x1 - APART:.1f} x {y2 - y1 - APART:.1f} m"
+                plan.note("left out", f"lines on {size} apart from the others enclose no room", place=place_of(ground))
+                grounds.remove(ground)
         numbers = [*range(1, len(grounds) + 1)]
         if self.plan:
             words = re.split(r"\s*,\s*", self.plan.strip())
@@ -250,8 +293,8 @@ class DxfImporter(Importer):
             above = f"{self.storey} {numbers[index + 1]}" if number != numbers[-1] else ""
             _note_stairs(plan, own, name, above)
 
-    def _add_plan(self, plan: Plan, drawn: "list[Drawn]", storey: str, z: float) -> None:
-        """Add one storey from walls and doors."""
+    def _rooms_in(self, drawn: "list[Drawn]") -> tuple[Rooms | None, list[BaseGeometry]]:
+        """Return the rooms between walls and doors, None without walls, and the lines of the walls."""
         walls = [one for one in drawn if one.use == "walls" and (one.is_solid or not one.is_fill)]
         arcs = [one for one in drawn if one.is_curve and one.use not in ("windows", "stairs")]
         arcs = [arc for arc in arcs if arc.use == "doors"] or arcs
@@ -270,7 +313,14 @@ class DxfImporter(Importer):
             others = []
         others = [side for side in others if not swept.covers(side)]
         solids = [wall.polygon for wall in walls if wall.is_solid]
-        rooms = rooms_of(lines, self.gap, self.door, self.wall, doors, others, solids)
+        return rooms_of(lines, self.gap, self.door, self.wall, doors, others, solids) if lines else None, lines
+
+    def _add_plan(self, plan: Plan, drawn: "list[Drawn]", storey: str, z: float) -> None:
+        """Add one storey from walls and doors."""
+        rooms, lines = self._rooms_in(drawn)
+        if rooms is None or rooms.floor.is_empty:
+            self._add_storey(plan, storey, [], z, lines or [one.line for one in drawn])
+            return
         self._note_segments(plan, storey, "repaired", "gap of {:.3f} m in walls closed (gap)", rooms.closed)
         for where, found in (("between rooms", rooms.between), ("to the outside", rooms.openings)):
             self._note_segments(plan, storey, "found", f"opening {where} {{:.2f}} m wide", found)
@@ -303,7 +353,7 @@ class DxfImporter(Importer):
     ) -> None:
         if not ground:
             place = shapely.get_coordinates(lines)[0]
-            raise ValueError(
+            raise NothingEnclosedError(
                 f"the lines of the floor enclose nothing, for example at ({place[0]:.2f}, {place[1]:.2f}): close "
                 "them, or set gap to the widest gap between their ends [m]"
             )

@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.errors import BuildingError
 from evac.base.parameters import Parameter, did_you_mean
-from evac.building.geometry import flat_parts, place_of
+from evac.building.geometry import flat_parts, lines_of, place_of
 from evac.building.importer import Importer
 from evac.building.plan.outlines import distinct, geometries, with_walls
 from evac.building.plan.plan import Plan
@@ -31,6 +31,10 @@ EXPORTED = ("floor", "flight", "landing", "exit", "door", "area", *DERIVED)
 KNOWN, LABELS = {"kind", "name", "storey", "level", "z"}, {"id", "fid", "objectid", "ogc_fid"}
 #: Thickness of walls between rooms of indoor maps with doors, if none is given [m].
 INDOOR_WALL = 0.1
+#: Points of a line that deviate by less are on one straight line [m].
+STRAIGHT = 0.01
+#: Polygons that rise by more above their base, which is lower than heads, are no ground if there are others [m].
+STEP, HEADS = 0.3, 1.8
 #: Greatest distance of a door from its room [m].
 BESIDE = 0.3
 #: Largest content of an archive [bytes].
@@ -75,9 +79,19 @@ class GeojsonImporter(Importer):
                 f"nor of {', '.join(PROFILES)}; give every feature a kind ({', '.join(KINDS)}) and a storey"
             )
         features = [_feature(number, item, profile) for number, item in enumerate(objects, start=1)]
+        rises = [_rises(_properties(item)) for item in objects]
+        solid = [row for row, one in enumerate(features) if one.kind == "storey" and rises[row]]
+        if not all(rises[row] for row, one in enumerate(features) if one.kind == "storey"):
+            for row in solid:
+                features[row] = replace(features[row], kind="obstacle")
+        else:
+            solid = []
         if not features:
             raise ValueError("the file contains no feature with a geometry")
         plan = Plan(path)
+        if solid:
+            text = f"{len(solid)} polygons that rise above the ground (height, base_height) are obstacles"
+            plan.note("assumed", f"{text}, such as feature {features[solid[0]].number}")
         place = self._placing(plan, [feature.shape for feature in features])
         features = [replace(feature, shape=place(feature.shape)) for feature in features]
         if profile:
@@ -114,7 +128,7 @@ class GeojsonImporter(Importer):
                     storey.solids.append(shapely.convex_hull(shapely.MultiPoint(np.concatenate(edges))))
         for storey in storeys:
             z = self.z + (storey.order - storeys[0].order) * self.height
-            self._add_level(plan, storey, z, "exit" if storey is ground else "opening")
+            self._add_level(plan, storey, z, "exit" if storey.order == ground.order else "opening")
         for number, (one, edges) in enumerate(zip(steps, flights, strict=True), start=1):
             name = f"{one.name} {number}"
             plan.stair(name, one.levels[0], edges[0], one.levels[1], edges[1])
@@ -199,17 +213,17 @@ class GeojsonImporter(Importer):
 
     def _add(self, plan: Plan, feature: "Feature", storey: str, name: str) -> None:
         """Add one feature that is not ground."""
-        is_line = feature.shape.geom_type == "LineString"
-        if feature.kind in ("door", "opening") and not is_line:
-            raise ValueError(f"feature {feature.number}: a {feature.kind} must be a LineString of two points")
-        if feature.kind == "exit" and is_line:
-            plan.exit(name, storey, feature.shape)
+        sides = lines_of(feature.shape.simplify(STRAIGHT)) if feature.shape.geom_type == "LineString" else []
+        if feature.kind in ("door", "opening") and len(sides) != 1:
+            raise ValueError(f"feature {feature.number}: a {feature.kind} must be a straight LineString")
+        if feature.kind == "exit" and sides:
+            plan.exit(name, storey, [shapely.get_coordinates(side).tolist() for side in sides])
         elif feature.kind == "exit":
             plan.exit(name, storey, polygon=feature.shape)
         elif feature.kind == "door":
-            plan.door(name, storey, feature.shape, outside="opening")
+            plan.door(name, storey, sides[0], outside="opening")
         elif feature.kind == "opening":
-            plan.opening(storey, feature.shape, name)
+            plan.opening(storey, sides[0], name)
         else:
             getattr(plan, feature.kind)(name, storey, feature.shape)
         plan.note("found", f"{feature.kind} {name!r}", storey, place_of(feature.shape))
@@ -263,14 +277,29 @@ def _objects(data: Any) -> list[Mapping[str, Any]]:
 def _properties(item: object) -> Mapping[str, Any]:
     """Return the properties of a feature; empty for anything else."""
     found = item.get("properties") if isinstance(item, Mapping) else None
-    return found if isinstance(found, Mapping) else {}
+    if not isinstance(found, Mapping):
+        return {}
+    # Exports of OpenStreetMap have the tags of a feature, and those of the relations that it belongs to, in tables.
+    relations = found.get("relations")
+    tables = (
+        [one.get("reltags") for one in relations if isinstance(one, Mapping)] if isinstance(relations, list) else []
+    )
+    nested = [one for one in (*tables, found.get("tags")) if isinstance(one, Mapping)]
+    return {key: value for table in (*nested, found) for key, value in table.items()}
+
+
+def _rises(own: Mapping[str, Any]) -> bool:
+    """Return whether the properties `height` and `base_height` of a feature make it a body in the way of people."""
+    height, base = own.get("height"), own.get("base_height", 0.0)
+    is_given = all(isinstance(one, int | float) for one in (height, base)) and own.get("kind") is None
+    return is_given and base < HEADS and height - base > STEP  # type: ignore[operator]
 
 
 def _feature(number: int, given: Any, profile: str) -> Feature:
     """Return one feature, checked."""
     if not isinstance(given, dict) or given.get("type") != "Feature":
         raise ValueError(f"feature {number}: not a GeoJSON feature")
-    properties = given.get("properties") or {}
+    properties = _properties(given)
     try:
         shapes = list(geometries(given))
     except ValueError as error:

@@ -187,3 +187,40 @@ def test_a_drawing_of_the_convention_becomes_a_case_that_runs(drawing, tmp_path)
     assert (made.fault, [room.number for room in made.rooms]) == ("", [12])
     assert ground(made.building) == pytest.approx(10 * 6 - 2 + 2 * 1.6 + 3 * 6 - 0.4 * 5, abs=0.3)
     assert evac.run(evac.load(made.folder)).evacuated == 12
+
+
+@pytest.mark.parametrize(
+    ("code", "length"), [(1, 0.0254), (3, 1609.344), (5, 0.01), (10, 0.9144), (16, 100.0), (22, 0.0254)]
+)
+def test_each_declared_unit_is_taken_by_its_length(drawing, tmp_path, code, length):
+    drawing.header["$INSUNITS"] = code
+    add(drawing.modelspace(), "walkablearea", [(x / length, y / length) for x, y in ROOM])
+    assert ground(building_of(drawing, tmp_path)) == pytest.approx(40.0, rel=1e-4)
+
+
+def test_another_unit_is_taken_if_lines_enclose_no_room_with_that_of_the_file(drawing, tmp_path):
+    drawing.header["$INSUNITS"] = 4
+    for x in range(0, 2000, 400):
+        for line in (
+            [(x, 0), (x + 400, 0), (x + 400, 550)],
+            [(x, 0), (x, 550), (x + 140, 550)],
+            [(x + 230, 550), (x + 400, 550)],
+        ):
+            add(drawing.modelspace(), "wall", line, close=False)
+    plan = plan_of(drawing, tmp_path)
+    assert ground(plan.building(need_exit=False)) == pytest.approx(5 * 4.0 * 5.5, rel=0.05)
+    assert any("1 unit is 0.01 m: with 0.001 m" in line for line in findings(plan, "assumed"))
+
+
+@pytest.mark.parametrize("is_hatch", [False, True])
+def test_lines_that_enclose_no_room_are_left_out_with_their_place(drawing, tmp_path, is_hatch):
+    space = drawing.modelspace()
+    add(space, "wall", ROOM)
+    stray = [(30, 0), (38, 0), (38, 6), (30, 6)] if is_hatch else [(30, 0), (38, 0), (38, 0.2), (30, 0.2)]
+    if is_hatch:
+        space.add_hatch(dxfattribs={"layer": "wall"}).paths.add_polyline_path(stray)
+    else:
+        add(space, "wall", stray)
+    plan = plan_of(drawing, tmp_path)
+    assert ground(plan.building(need_exit=False)) == pytest.approx(40.0)
+    assert any("(34.00" in line and "enclose no room" in line for line in findings(plan, "left out"))

@@ -168,3 +168,49 @@ def test_the_line_of_a_plan_file_that_is_no_toml_is_quoted(tmp_path):
     path.write_text("[[storeys]]\nname = open plan\n", encoding="utf-8")
     with pytest.raises(BuildingError, match=r'house\.plan\.toml: .*name = "open plan"'):
         evac.read_building(path)
+
+
+def features_of(*features):
+    rows = [
+        {
+            "type": "Feature",
+            "properties": own,
+            "geometry": {"type": kind, "coordinates": [place] if kind == "Polygon" else place},
+        }
+        for own, kind, place in features
+    ]
+    return json.dumps({"type": "FeatureCollection", "features": rows})
+
+
+def square(x1, y1, x2, y2):
+    return [[x1, y1], [x2, y1], [x2, y2], [x1, y2], [x1, y1]]
+
+
+def test_polygons_with_a_height_are_obstacles_and_exits_may_have_several_sides(tmp_path):
+    text = features_of(
+        ({"level": 1, "height": 0, "base_height": 0}, "Polygon", square(0, 0, 10, 8)),
+        ({"level": 1, "height": 3, "base_height": 0}, "Polygon", square(4, 0, 4.2, 6)),
+        ({"level": 1, "height": 3, "base_height": 2.2}, "Polygon", square(4, 6, 4.2, 8)),
+        ({"level": 1}, "LineString", [[9, 0], [10, 0], [10, 1], [10, 2]]),
+    )
+    building = building_of(tmp_path / "a.geojson", text)
+    assert building.levels[0].polygon.area == pytest.approx(80.0 - 0.2 * 6.0)
+    assert [round(way.width, 6) for way in building.exits] == [3.0]
+
+
+def test_nested_tags_corridors_and_levels_of_one_name(tmp_path):
+    room = {"type": "way", "tags": {"buildingpart": "room"}, "relations": [{"reltags": {"level": "0"}}]}
+    way = {"type": "way", "tags": {"highway": "footway"}, "relations": []}
+    text = features_of((room, "Polygon", square(0, 0, 10, 8)), (way, "LineString", [[2, 2], [4, 2], [4, 5]]))
+    building = building_of(tmp_path / "a.geojson", text, coordinates="plane")
+    assert [(level.name, level.polygon.area) for level in building.levels] == [("0", pytest.approx(80.0))]
+    levels = [
+        ({"id": name, "ordinal": 0, "name": "Level 1"}, "Polygon", square(x, 0, x + 4, 3))
+        for name, x in (("a", 0), ("b", 9))
+    ]
+    units = [
+        ({"feature_type": "unit", "level_id": "a", "category": "room"}, "Polygon", square(0, 0, 4, 3)),
+        ({"feature_type": "corridor", "level_id": "b", "category": None}, "Polygon", square(9, 0, 13, 3)),
+    ]
+    building = building_of(tmp_path / "b.geojson", features_of(*levels, *units), coordinates="plane")
+    assert {level.name: level.z_min for level in building.levels} == {"Level 1": 0.0, "Level 1 (2)": 0.0}

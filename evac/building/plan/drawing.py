@@ -47,6 +47,8 @@ BESIDE = 0.05
 DEEP = 0.3
 #: Length of an exit or a stair edge that may lack a floor beside it without a warning [m].
 UNCOVERED = 0.01
+#: A door to the outside that is nearer than this to the outline of the floor is on it [m].
+FLUSH = 0.01
 #: Smallest overlap of two floors, and smallest part of an area beside its floor, that is reported [m2].
 LEAST_REPORTED = 0.05
 #: Share of an area beside its floor above which it is a warning.
@@ -212,7 +214,12 @@ class Drawing:
                 f"{written(segment)} on storey {door.storey!r} has a room on one side only; move it, increase "
                 "reach if the wall is thicker, or make it an exit"
             )
-        ends = np.concatenate([*segment])[None]
+        ends = along(floor, segment, FLUSH)
+        if covered(ends, segment) > 0.9 * float(np.hypot(*(segment[1] - segment[0]))):
+            ground = []
+        else:
+            ends = _on_outline(united([floor, *ground]), segment)
+            ends = ends if len(ends) else segment.reshape(1, 4)
         if door.outside == "exit":
             self.edges.append((f"exit:{door.name}", door.storey, ends))
         else:
@@ -388,11 +395,7 @@ class Drawing:
     def _outline(self, item: Item, segment: FloatArray | None) -> list[FloatArray]:
         """Return the pieces (4,) of the floor's outline along a segment; only those exactly on it if there are any."""
         assert segment is not None
-        floor, length = self.floors[item.storey], float(np.hypot(*(segment[1] - segment[0])))
-        exact = along(floor, segment, 2e-6)
-        if covered(exact, segment) > length - LEAST_LENGTH:
-            return [*exact]
-        return [*along(floor, segment, SNAP)]
+        return [*_on_outline(self.floors[item.storey], segment)]
 
     def _recess(self, item: Item, segment: FloatArray, beside: float) -> list[FloatArray]:
         """Extend the floor to an exit on the outer face of a wall; `beside` of its length [m] is on the outline."""
@@ -528,6 +531,13 @@ def _overlap(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
         return united([one, other]), united([one_twice, other_twice, common(one, other)])
 
     return covered_once_and_twice(polygons)[1]
+
+
+def _on_outline(floor: BaseGeometry, segment: FloatArray) -> FloatArray:
+    """Return the pieces (p, 4) of a floor's outline along a segment; only those exactly on it if they cover it."""
+    exact = along(floor, segment, 2e-6)
+    is_whole = covered(exact, segment) > float(np.hypot(*(segment[1] - segment[0]))) - LEAST_LENGTH
+    return exact if is_whole else along(floor, segment, SNAP)
 
 
 def _reaching(outside: BaseGeometry, floor: BaseGeometry) -> BaseGeometry:

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.building.geometry import lines_of
+from evac.building.model.findings import numbered
 
 #: Values that nobody walks on: categories of IMDF, of indoor and of room in OpenStreetMap.
 CLOSED = frozenset(("opentobelow", "structure", "column", "elevator", "shaft", "vegetation", "wall", "void", "parking"))
@@ -31,7 +32,7 @@ MOST_LEVELS = 300
 #: Properties by which the profiles are known.
 PROFILES = {
     "IMDF": ("level_id", "ordinal"),
-    "OpenStreetMap indoor": ("indoor", "building:levels:underground"),
+    "OpenStreetMap indoor": ("indoor", "building:levels:underground", "buildingpart"),
     "wrld3d": ("roomnumber",),
 }
 
@@ -82,6 +83,7 @@ def read_map(
                 _text(own.get("name")) or f"level {own['ordinal']}",
                 _number(own["ordinal"], 0.0),
             )
+    taken: set[str] = set()
     for own, shape in features:
         what = _category(profile, own)
         on = _levels(own, names) if profile != "wrld3d" else ["floor"]
@@ -94,8 +96,10 @@ def read_map(
             nowhere.append((f"{what} {_text(own.get('name'))!r} without a level", shape))
         for name in on:
             label, order = names.get(name, (name, _number(name, float(len(levels)))))
-            label = f"level {len(levels)}" if len(label) > LONGEST_NAME else label
-            levels.setdefault(name, Storey(label, order))
+            if name not in levels:
+                label = numbered(f"level {len(levels)}" if len(label) > LONGEST_NAME else label, taken)
+                taken.add(label)
+                levels[name] = Storey(label, order)
         if what == "steps" and len(on) > 1:
             steps += _steps(own, shape, sorted((levels[name] for name in on), key=lambda one: one.order))
             if shape.geom_type == "LineString":
@@ -111,10 +115,11 @@ def read_map(
         (f"door {name!r} on level {one.name!r}, which has no room", at) for one in empty for name, at, _ in one.doors
     ]
     storeys = sorted((one for one in levels.values() if one not in empty), key=lambda one: one.order)
-    above = dict(zip([storey.name for storey in storeys], storeys[1:], strict=False))
+    orders = sorted({storey.order for storey in storeys})
+    above = dict(itertools.pairwise(orders))  # storeys of several buildings may have the same order
     for given, shape, low in shafts:  # a unit on each level: the one above belongs to the same stair
         for _, other, up in shafts:
-            if above.get(low.name) is up and shape.intersection(other).area > 0.5 * shape.area:
+            if above.get(low.order) == up.order and shape.intersection(other).area > 0.5 * shape.area:
                 steps += _steps(given, shape, [low, up])
     known = {storey.name for storey in storeys}
     return storeys, [step for step in steps if known.issuperset(step.levels)], nowhere
@@ -132,12 +137,14 @@ def _category(profile: str, own: Mapping[str, Any]) -> str:
         category = str(own.get("category") or "").partition(".")[0]
         if kind == "opening":
             return "door"
+        if kind == "corridor":  # a type of its own in indoor maps like IMDF
+            return "way"
         return "" if kind != "unit" or category in CLOSED else "way" if category in WAYS else "room"
     if own.get("highway") == "steps" or own.get("stairs") == "yes" or own.get("room") == "stairs":
         return "steps"
     if own.get("entrance") or own.get("door") not in (None, "no"):
         return "door"
-    indoor, room = str(own.get("indoor") or ""), str(own.get("room") or "")
+    indoor, room = str(own.get("indoor") or own.get("buildingpart") or ""), str(own.get("room") or "")
     if not indoor or indoor == "level" or room in CLOSED or own.get("highway") == "elevator":
         return ""
     return "solid" if indoor == "wall" else "" if indoor in CLOSED else "way" if indoor in WAYS else "room"
