@@ -48,8 +48,8 @@ def share_in_smoke(
     """Return the share (n,) of the desired speeds [m/s] that smoke and irritant gases leave.
 
     Extinction coefficients are in 1/m, irritants on the scale of incapacitation. The losses are added, and not both
-    counted if the law was measured in irritant smoke. The law's speed in the densest smoke stays, so that irritants halt
-    nobody; `LEAST_SHARE` stays if that is zero, or the law needs no extinction.
+    counted if the law was measured in irritant smoke. The law's speed in the densest smoke stays, so that irritants
+    halt nobody; `LEAST_SHARE` stays if that is zero, or the law needs no extinction.
     """
     with plugin_code(f"law {law.name!r}: speed", law, COPY):
         speed = as_floats(law.speed(read_only(desired), read_only(extinction)))
