@@ -29,8 +29,8 @@ HEADER = np.dtype(
 #: Bytes of a slice file that are read at a time when its times are listed.
 CHUNK = 32_000_000
 
-#: A time after the one before is a gap if it is this many times the median.
-GAP = 10.0
+#: A span between two times is a gap if it is this many times the median, of at least so many spans.
+GAP, LEAST_SPANS = 10.0, 10
 
 _SLICE = re.compile(r"SLC([FC])\s+(\d+)\b.*?&((?:\s+\d{1,9}){6})(?:\s|$)")
 
@@ -259,7 +259,7 @@ def _times_in(path: Path, bounds: NDArray[np.int64], size: int) -> FloatArray:
             f"{path}: time {frame + 1}, {times[frame]:g} s, is not later than the one before; run FDS again"
         )
     spans = np.diff(times)
-    if number > 2 and spans.max() > GAP * np.median(spans):
+    if len(spans) >= LEAST_SPANS and spans.max() > GAP * np.median(spans):
         k = int(spans.argmax())
         raise ScenarioError(
             f"{path}: has no values between {times[k]:g} and {times[k + 1]:g} s, but otherwise every "
