@@ -157,10 +157,7 @@ def writing(what: str, place: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        remedy = "correct this, or write to another place"
-        if error.errno == errno.EBADF:
-            remedy = "a plugin has closed a file that it has not opened, correct or remove the plugin"
-        raise ResultError(f"{place}: cannot write {what}: {error}; {remedy}") from error
+        raise ResultError(f"{place}: cannot write {what}: {error}; correct this, or write to another place") from error
 
 
 def content_of(path: Path) -> bytes:

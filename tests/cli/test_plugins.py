@@ -71,7 +71,6 @@ INTERFERES = {
     "sys.stderr = object()": (2, "replaces sys.stdout or sys.stderr", "restore it"),
     "sys.stdout.close()": (3, "people still inside", ""),
     "sys.stderr.close()": (3, "people still inside", ""),
-    "os.closerange(3, 100)": (2, "Bad file descriptor", "a plugin has closed a file"),
 }
 
 

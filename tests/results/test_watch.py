@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.physics.state import make_crowd
-from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, DENSITY, FEWEST_FRAMES, Watch
+from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, DENSITY, FEWEST_FRAMES, Watch, densities
 
 
 def crowd_of(speeds, forces=0.0, **of):
@@ -41,6 +41,16 @@ def test_chatter_is_more_than_twice_as_fast_and_by_more_than_a_fifth_of_a_metre_
     watch = Watch(np.full(1, 0.2), 1, 2.0, 2.0)
     watch.look(2.0, crowd_of([velocity]), displaced(moved))
     assert (watch.chatter() is not None) == is_chatter
+
+
+@pytest.mark.parametrize("people", [0, 1, 300])
+def test_densities_are_the_people_within_a_disc_of_one_square_metre_on_the_same_level(people):
+    rng = np.random.default_rng(people)
+    crowd = make_crowd(8.0 * rng.random((people, 2)) - 3.0)
+    crowd.level[:] = rng.integers(-1, 3, people)
+    apart = np.hypot(*(crowd.position[:, None] - crowd.position).transpose(2, 0, 1))
+    together = (crowd.level[:, None] == crowd.level) & (crowd.level >= 0)[:, None]
+    np.testing.assert_array_equal(densities(crowd), (together & (np.pi * apart**2 <= 1.0)).sum(axis=1))
 
 
 @pytest.mark.parametrize(("people", "is_dense"), [(6, False), (7, True)])
