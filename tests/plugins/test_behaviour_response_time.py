@@ -21,7 +21,7 @@ def scene(*groups, positions=None, levels=0, areas=AREAS, seed=1):
     made, count = [], 0
     for name, number, settings in groups:
         rows = np.arange(count, count + number, dtype=np.int32)
-        made.append(SimpleNamespace(name=name, rows=rows, settings=settings))
+        made.append(SimpleNamespace(name=name, rows=rows, settings=settings, comes_in=False))
         count += number
     crowd = SimpleNamespace(
         position=np.zeros((count, 2)) if positions is None else np.array(positions, dtype=np.float64),

@@ -125,7 +125,7 @@ def refusal(source: Path, errors: Sequence[Finding]) -> BuildingError:
     lines = []
     for own in groups.values():
         others = f" (and {len(own) - 1} more like this)" if len(own) > 1 else ""
-        remedy = f"; what removes it: {', '.join(own[0].remedy.splitlines())}" if own[0].remedy else ""
+        remedy = f"; remedy: {', '.join(own[0].remedy.splitlines())}" if own[0].remedy else ""
         lines.append(f"{source}: {own[0].text}{others}{remedy}")
     refused = BuildingError("\n".join(lines))
     refused.findings = tuple(errors)
