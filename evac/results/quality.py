@@ -128,14 +128,8 @@ def flow_warnings(building: Building, flows: Iterable[LineFlow], keepers: Sequen
         advice = f"use a behaviour with which people keep their distance{_sets(keepers)}"
     found = dict[str, tuple[float, float]]()
     for line in (one for one in flows if one.kind != "line"):
-        stair = next(
-            (
-                level.stair
-                for level in map(building.levels.__getitem__, line.levels)
-                if level.stair and not level.is_ramp
-            ),
-            None,
-        )
+        levels = (building.levels[level] for level in line.levels)
+        stair = next((level.stair for level in levels if level.stair and not level.is_ramp), None)
         what = f"{line.kind} {line.name!r}" if stair is None else f"stair {stair!r}"
         limit = LABORATORY if stair is None else STAIRS
         for way in (line.forward, ~line.forward):
@@ -147,7 +141,8 @@ def flow_warnings(building: Building, flows: Iterable[LineFlow], keepers: Sequen
                 found[what] = max(found.get(what, (flow, limit)), (flow, limit))
     return tuple(
         f"flow higher than measured: evacuation times may be too short; {advice}. "
-        f"{flow:.2f} people per second and metre passed {what}, at most {limit} in experiments"
+        f"{flow:.2f} people per second and metre passed {what}, at most {limit} in "
+        f"{'experiments' if limit == LABORATORY else 'design guides'}"
         for what, (flow, limit) in found.items()
     )
 
