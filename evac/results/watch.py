@@ -4,9 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray
+from evac.base.arrays import BoolArray, FloatArray
 from evac.base.saved import Bounds, Saved
 from evac.physics.state import Crowd
 
@@ -28,7 +27,7 @@ CRUSHING_FORCE = 6000.0
 CRUSHING_LOAD = 4500.0
 
 
-#: Greatest number of people per square metre, the time over which it is averaged [s], and the time between samples [s].
+#: Number of people per square metre that is exceeded for this time [s] in a dense crowd, and the time between samples.
 DENSITY = 6.0
 DENSITY_SPAN = 10.0
 DENSITY_EVERY = 1.0
@@ -50,7 +49,7 @@ class Observation:
     # Means over that interval. For chatter: magnitudes of the contact model's velocity and of the displacement
     # velocity [m/s]; for crushing: contact force through the body [N], and per metre of its width [N/m]. For overlaps:
     # the greatest in that tick [m], and as a share of the radius. For density: the mean number of people on the
-    # square metre around the person.
+    # square metre around the person, which was above the limit at each sample.
     values: tuple[float, float]
 
 
@@ -79,29 +78,31 @@ class Watch(Saved):
 
         Contact forces are sampled only if this state is recorded.
         """
-        inside, velocity, displacement = (
-            crowd.level >= 0,
-            np.hypot(*crowd.velocity.T),
-            np.hypot(*displacement_velocity.T),
-        )
-        if self._speeds.add(time, inside, velocity, displacement):
+        inside = crowd.level >= 0
+        if self._speeds.add(time, inside, np.hypot(*crowd.velocity.T), np.hypot(*displacement_velocity.T)):
             begin, stayed, (velocity, displacement) = self._speeds.take()
             excess = velocity - displacement
             noticed = stayed & (excess > CHATTER_EXCESS) & (velocity > CHATTER_RATIO * displacement)
             self._chatter.note(noticed, excess, (velocity, displacement), begin, time, crowd)
-        shares = 2.0 * crowd.overlap / self._width
-        large = inside & (crowd.overlap > self.promised)
-        self._overlaps.note(large, crowd.overlap, (crowd.overlap, shares), max(time - self._tick, 0.0), time, crowd)
+        large = crowd.overlap > self.promised
+        if large.any():
+            values = crowd.overlap, 2.0 * crowd.overlap / self._width
+            self._overlaps.note(large & inside, crowd.overlap, values, max(time - self._tick, 0.0), time, crowd)
+        if is_recorded:
+            self._look_at_forces(time, crowd, inside)
+        if round(time / self._tick) % self._ticks == 0:
+            density = densities(crowd, DENSITY)
+            if self._densities.add(time, inside, density, density > DENSITY):
+                begin, stayed, (density, share) = self._densities.take()
+                self._dense.note(stayed & (share == 1.0), density, (density, density), begin, time, crowd)
+
+    def _look_at_forces(self, time: float, crowd: Crowd, inside: BoolArray) -> None:
+        """Add a sample of the contact forces."""
         force = 0.5 * crowd.contact_force
-        if is_recorded and self._forces.add(time, inside, force, force / self._width):
+        if self._forces.add(time, inside, force, force / self._width):
             begin, stayed, (force, load) = self._forces.take()
             noticed = stayed & ((force > CRUSHING_FORCE) | (load > CRUSHING_LOAD))
             self._crushing.note(noticed, load, (force, load), begin, time, crowd)
-        if round(time / self._tick) % self._ticks == 0:
-            density = densities(crowd)
-            if self._densities.add(time, inside, density, density):
-                begin, stayed, (density, _) = self._densities.take()
-                self._dense.note(stayed & (density > DENSITY), density, (density, density), begin, time, crowd)
 
     def chatter(self) -> Observation | None:
         """Return people who moved much more slowly than with the contact model's velocities, or None."""
@@ -120,23 +121,26 @@ class Watch(Saved):
         return self._dense.observation()
 
 
-def densities(crowd: Crowd) -> FloatArray:
+def densities(crowd: Crowd, limit: float = 0.0) -> FloatArray:
     """Return the number of people inside on the disc of one square metre around each person, (n,) [1/m2].
 
-    People are sorted by square cells as wide as the radius of the disc, so that it lies in nine of them.
+    It is 0 where the squares around the disc show that it is at most `limit`. People are sorted by square cells as
+    wide as the radius of the disc, so that it lies in nine of them.
     """
     density, inside = np.zeros(len(crowd.level)), np.flatnonzero(crowd.level >= 0)
-    place, radius, people = crowd.position[inside], math.sqrt(1.0 / math.pi), np.arange(len(inside))
-    if not len(inside):
+    place, radius = crowd.position[inside], math.sqrt(1.0 / math.pi)
+    if len(inside) <= limit:
         return density
     column, row = np.floor((place - place.min(axis=0)) / radius).astype(np.int64).T + 1
     height = row.max() + 2
     cell = (crowd.level[inside] * (column.max() + 2) + column) * height + row
     order = np.argsort(cell, kind="stable")
-    for beside in (-height, 0, height):
-        first, after = (np.searchsorted(cell[order], cell + beside + off) for off in (-1, 2))
-        middle = np.repeat(people, after - first)
-        other = order[np.arange(len(middle)) + np.repeat(after - np.cumsum(after - first), after - first)]
+    around = cell + np.array([[-height], [0], [height]])
+    first, after = np.searchsorted(cell[order], np.stack([around - 1, around + 2]))
+    counted = np.flatnonzero((after - first).sum(axis=0) > limit)
+    for start, end in zip(first[:, counted], after[:, counted], strict=True):
+        middle = np.repeat(counted, end - start)
+        other = order[np.arange(len(middle)) + np.repeat(end - np.cumsum(end - start), end - start)]
         near = np.hypot(*(place[middle] - place[other]).T) <= radius
         density[inside] += np.bincount(middle[near], minlength=len(inside))
     return density
@@ -153,7 +157,7 @@ class _Means(Saved):
         self.looks = np.array([0, length])  # number of samples in this interval so far, and in a complete one
         self.times = np.zeros(2)  # last sample of the previous interval and of this one [s]
 
-    def add(self, time: float, inside: NDArray[np.bool_], first: FloatArray, second: FloatArray) -> bool:
+    def add(self, time: float, inside: BoolArray, first: FloatArray, second: FloatArray | BoolArray) -> bool:
         """Add one sample; return whether the interval is complete."""
         self.sums[0] += first
         self.sums[1] += second
@@ -168,7 +172,7 @@ class _Means(Saved):
         looks = Bounds((0, length), (length - 1, length))
         return {"sums": Bounds(0.0), "inside": Bounds(0, 1), "looks": looks, "times": Bounds(0.0)}
 
-    def take(self) -> tuple[float, NDArray[np.bool_], FloatArray]:
+    def take(self) -> tuple[float, BoolArray, FloatArray]:
         """Return the start of the interval [s], who was always inside, and means (2, n); begin the next interval."""
         begin, inside, means = float(self.times[0]), self.inside.astype(bool), self.sums / self.looks[0]
         self.sums[:] = 0.0
@@ -198,7 +202,7 @@ class _Notes(Saved):
 
     def note(
         self,
-        noticed: NDArray[np.bool_],
+        noticed: BoolArray,
         measure: FloatArray,
         means: tuple[FloatArray, FloatArray],
         begin: float,

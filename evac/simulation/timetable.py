@@ -155,6 +155,8 @@ class Timetable(Saved):
 
     def act(self) -> None:
         """Apply the events whose conditions have come true, now or when their delay is over."""
+        if not self._events:
+            return
         before = -1
         while before < (before := int(np.isfinite(self._happens).sum())):  # one may be the condition of another
             for k in np.flatnonzero(np.isinf(self._happens)).tolist():

@@ -50,22 +50,27 @@ def test_densities_are_the_people_within_a_disc_of_one_square_metre_on_the_same_
     crowd.level[:] = rng.integers(-1, 3, people)
     apart = np.hypot(*(crowd.position[:, None] - crowd.position).transpose(2, 0, 1))
     together = (crowd.level[:, None] == crowd.level) & (crowd.level >= 0)[:, None]
-    np.testing.assert_array_equal(densities(crowd), (together & (np.pi * apart**2 <= 1.0)).sum(axis=1))
+    exact = (together & (np.pi * apart**2 <= 1.0)).sum(axis=1)
+    np.testing.assert_array_equal(densities(crowd), exact)
+    limited = densities(crowd, 4.0)
+    np.testing.assert_array_equal(limited[exact > 4], exact[exact > 4])
+    assert np.isin(limited[exact <= 4], [0, *range(1, 5)]).all()
 
 
-@pytest.mark.parametrize(("people", "is_dense"), [(6, False), (7, True)])
-def test_a_crowd_is_too_dense_if_it_is_so_for_ten_seconds_on_one_level(people, is_dense):
-    """People on a circle of 0.2 m, and one above them: each has the others on a disc of one square metre."""
+@pytest.mark.parametrize(("people", "parts", "is_dense"), [(6, 0, False), (7, 0, True), (7, 5, False)])
+def test_a_crowd_is_too_dense_if_it_is_so_for_ten_seconds_on_one_level(people, parts, is_dense):
+    """People on a circle of 0.2 m, which one of them leaves at one sample, and one on another level above them."""
     angle = np.arange(people) * 2.0 * np.pi / people
     crowd = make_crowd(0.2 * np.array([*np.column_stack([np.cos(angle), np.sin(angle)]), (0.0, 0.0)]))
     crowd.level[-1] = 1
     watch = Watch(np.full(people + 1, 0.2), 2, 1.0, 1.0)
     for time in range(1, 10):
+        crowd.position[0, 0] = 5.0 if time == parts else 0.2
         watch.look(float(time), crowd, np.zeros((people + 1, 2)))
     assert watch.dense() is None
     watch.look(10.0, crowd, np.zeros((people + 1, 2)))
     found = watch.dense()
-    assert (found is not None) == is_dense == (people > DENSITY)
+    assert (found is not None) == is_dense == (people > DENSITY and not parts)
     if found is not None:
         assert (found.people, found.begin, found.end, found.values[0]) == (7, 0.0, 10.0, 7.0)
 
