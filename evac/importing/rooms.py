@@ -60,9 +60,7 @@ def find_openings(building: Building, given: Sequence[tuple[str, ArrayLike]]) ->
         on = _level_of(building, name, segment)
         if on is not None:
             found.append((on, segment))
-    for level in building.levels if not found else ():
-        if level.kind == "floor":
-            found += [(level.index, wall) for wall in _outer(building, level)]
+    found = found or _outer(building)
     width = segment_lengths(np.array([segment for _, segment in found]).reshape(-1, 4))
     order = sorted(range(len(found)), key=lambda k: (-round(float(width[k]), 3), found[k][0], *found[k][1].tolist()))
     kept = [k for k in order if width[k] >= LEAST_WIDTH]
@@ -75,22 +73,26 @@ def find_openings(building: Building, given: Sequence[tuple[str, ArrayLike]]) ->
     return openings
 
 
-def _outer(building: Building, level: Level) -> FloatArray:
-    """Return the walls (w, 4) of a floor that are not inner walls: no ground at about its height is close behind."""
-    walls = building.walls[building.wall_level == level.index]
-    rings = shapely.union_all([part.exterior for part in shapely.get_parts(level.polygon)])
-    middle = (walls[:, :2] + walls[:, 2:]) / 2
+def _outer(building: Building) -> list[tuple[int, FloatArray]]:
+    """Return the walls (4,) of floors that are not inner walls: no ground at about their height is close behind."""
+    floors = [level for level in building.levels if level.kind == "floor"]
+    index, grounds = np.array([level.index for level in floors]), [level.polygon for level in floors]
+    height = np.array([level.z_min for level in building.levels])
+    rings = np.array([shapely.multilinestrings(shapely.get_exterior_ring(shapely.get_parts(own))) for own in grounds])
+    shapely.prepare(rings)
+    rows = np.flatnonzero(np.isin(building.wall_level, index))
+    walls, on = building.walls[rows], building.wall_level[rows]
     step = (walls[:, 2:] - walls[:, :2]) / segment_lengths(walls)[:, None]
     outward = np.column_stack([step[:, 1], -step[:, 0]])
-    near = [one.polygon for one in building.levels if one.kind == "floor" and abs(one.z_min - level.z_min) < THICKEST]
-    ground = shapely.union_all(near)
-    is_outer = shapely.dwithin(shapely.points(middle), rings, 1e-6)
+    middle = shapely.points((walls[:, :2] + walls[:, 2:]) / 2)
+    is_outer = shapely.dwithin(rings[np.searchsorted(index, on)], middle, 1e-6)
     for share in LOOKS:
         start = walls[:, :2] + share * (walls[:, 2:] - walls[:, :2])
         behind = shapely.linestrings(np.stack([start + REACH * outward, start + THICKEST * outward], axis=1))
-        is_outer &= ~shapely.intersects(behind, ground)
-    outer: FloatArray = walls[is_outer]
-    return outer
+        floor, wall = shapely.STRtree(behind).query(grounds, predicate="intersects")
+        is_near = np.abs(height[index[floor]] - height[on[wall]]) < THICKEST
+        is_outer[wall[is_near]] = False
+    return [(int(on[row]), walls[row]) for row in np.flatnonzero(is_outer)]
 
 
 def _level_of(building: Building, name: str, segment: FloatArray) -> int | None:

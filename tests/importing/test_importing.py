@@ -1,6 +1,7 @@
 """Files become cases that run, with a report of everything assumed; folders that are not ours are left alone."""
 
 import json
+import time
 import tomllib
 from dataclasses import replace
 
@@ -85,6 +86,18 @@ def test_inner_walls_are_no_openings():
     hull = shapely.box(0, 0, 9, 6).exterior
     middles = [shapely.Point((one.segment[:2] + one.segment[2:]) / 2) for one in openings]
     assert all(hull.distance(middle) < 0.01 for middle in middles)
+
+
+@pytest.mark.slow
+def test_twice_as_many_rooms_take_little_more_than_twice_the_time(tmp_path):
+    times = []
+    for many in (20, 40, 80):
+        cells = [shapely.box(3 * x, 3 * y, 3 * x + 2.9, 3 * y + 2.9) for x in range(20) for y in range(many)]
+        (tmp_path / "rooms.wkt").write_text(shapely.to_wkt(shapely.multipolygons(cells)), encoding="utf-8")
+        begin = time.process_time()
+        import_building([tmp_path / "rooms.wkt"], tmp_path / "case")
+        times.append(time.process_time() - begin)
+    assert times[2] <= 2.3 * times[1]
 
 
 def test_everything_in_a_file_is_kept(house, tmp_path):
