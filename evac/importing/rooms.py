@@ -177,14 +177,17 @@ def with_missing(building: Building, findings: Sequence[Finding]) -> list[Findin
         return list(findings)
     reached = levels_reaching(building, building.exits)
     floors = [own for _, levels in storeys(building) if (own := [level for level in levels if level.kind == "floor"])]
+    ground = sum(level.polygon.area for own in floors for level in own)
+    lost = [level for own in floors for level in own if level.index not in reached]
+    if sum(level.polygon.area for level in lost) <= NEGLIGIBLE * ground:
+        return list(findings)
     closed = [own for own in floors if reached.isdisjoint(level.index for level in own)]
     lacks, told = [], [level for own in closed for level in own]
     if closed:
         verb = "has" if len(closed) == 1 else "have"
         names = _names([own[0] for own in closed])
         lacks.append(f"{len(closed)} of {counted(len(floors), 'storey')} {verb} no way out: {names}")
-    ground = sum(level.polygon.area for own in floors for level in own)
-    rest = [level for own in floors if own not in closed for level in own if level.index not in reached]
+    rest = [level for level in lost if level not in told]
     area = sum(level.polygon.area for level in rest)
     if area > NEGLIGIBLE * ground:
         share = 100.0 * area / ground

@@ -36,7 +36,7 @@ def house(ifc, *, storeys=1, spaces=True, hole=None):
         z = 3.0 * k
         ifc.storey(f"L{k}", z)
         slab = ifc.box("IFCSLAB", "S", (0, 0, z - 0.2), (10.4, 6.4, z), predefined="FLOOR")
-        if hole and k:
+        if hole and (k or storeys == 1):
             ifc.opening((hole[0], hole[1], z - 0.3), (hole[2], hole[3], z + 0.1), wall=slab)
         made = walls(ifc, z)
         ifc.opening((5.1, 1, z), (5.3, 2, z + 2.1), wall=made[4], door="inner")
@@ -339,6 +339,37 @@ def test_openings_and_shafts_are_no_exits(tmp_path):
     ifc.space("room", [*outline, (0.2, 3)], 0)
     building = building_of(ifc.write(tmp_path / "a.ifc"), exits="all")
     assert building.exits == ()
+
+
+@pytest.mark.parametrize("name", ["Lift 2", "E01"])
+def test_a_pit_a_handrail_and_steps_before_the_door_are_left_out_and_the_building_is_whole(tmp_path, name):
+    ifc = house(IfcFile(), spaces=False, hole=(8.1, 2, 10.1, 4))
+    ifc.space("001", [(0.2, 0.2), (5.1, 0.2), (5.1, 6.2), (0.2, 6.2)], 0)
+    ifc.space("002", [(5.3, 0.2), (7.9, 0.2), (7.9, 6.2), (5.3, 6.2)], 0)
+    ifc.space(name, [(8.1, 2), (10.1, 2), (10.1, 4), (8.1, 4)], -1.3, 3.9)
+    ifc.box("IFCSLAB", "pit", (8.1, 2, -1.5), (10.1, 4, -1.3), predefined="BASESLAB")
+    ifc.box("IFCSTAIR", "rail", (-1, 2.9, -0.4), (0, 2.95, 1.0), tail=",.NOTDEFINED.")
+    stair = {"width": 1.2, "going": 0.3, "riser": 0.15, "count": 3}
+    solids = steps(ifc, (-0.9, 3.6), (1, 0), -0.45, **stair)
+    ifc.body("IFCSTAIRFLIGHT", "outside", *solids, tail=STAIR_TAIL["IFCSTAIRFLIGHT"])
+    made = evac.import_building([ifc.write(tmp_path / "a.ifc")], tmp_path / "case", people=3)
+    assert (made.missing, made.fault, [way.name for way in made.building.exits]) == ((), "", ["front"])
+    assert sum(level.polygon.area for level in made.building.levels) == pytest.approx(
+        4.9 * 6 + 2.6 * 6 + 0.2 + 0.12, 0.01
+    )
+    told = [one.text for one in made.findings if one.kind == "left out"]
+    assert all(any(repr(word) in text for text in told) for word in ("rail", "outside"))
+    assert [text for text in told if "shaft" in text or "pit" in text]
+
+
+@pytest.mark.parametrize("has_stair", [False, True])
+def test_a_door_to_a_terrace_is_an_exit_and_a_gallery_to_a_stair_stays(tmp_path, has_stair):
+    ifc = house(IfcFile(), spaces=False)
+    ifc.box("IFCSLAB", "terrace", (-3, 0, -0.2), (0, 6.4, 0), predefined="FLOOR")
+    if has_stair:
+        ifc.body("IFCSTAIR", "S", *steps(ifc, (-3, 3), (-1, 0), -3.0, **STRAIGHT), tail=",.NOTDEFINED.")
+    plan = plan_of(ifc.write(tmp_path / "a.ifc"))
+    assert ([way.name for way in plan.exits], len(plan.doors)) == (([], 2) if has_stair else (["front"], 1))
 
 
 @pytest.mark.parametrize(("width", "is_outside"), [(0.5, False), (0.58, False), (0.62, True), (1.5, True)])

@@ -1,6 +1,6 @@
 """Plans of building models: passages between rooms, and the storeys, stairs, doors and exits of all bodies."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,6 +9,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
+from evac.base.defaults import HEADROOM
 from evac.base.errors import BuildingError
 from evac.building.geometry import common, cut, place_of, united
 from evac.building.model.findings import Finding, numbered
@@ -36,6 +37,8 @@ STEP = 0.8
 HALF_STOREY = 1.5
 #: How far beyond a door the outside of the storey begins; recesses that are narrower than twice this are inside [m].
 BEYOND = 0.3
+#: Largest area of a pit, below a group of lifts [m2], and how far below the next floor pits are [m].
+LARGEST_PIT, PIT = 30.0, (0.9, HEADROOM)
 #: Narrowest door [m].
 NARROWEST = 0.5
 
@@ -115,11 +118,10 @@ def _filled(door: Body, openings: Sequence[Body], boxes: FloatArray) -> int | No
 
 
 def doorways_of(
-    passages: Sequence[Body], floors: Sequence[Floor], walls: Sequence[Body], findings: list[Finding]
+    passages: Sequence[Body], floors: Sequence[Floor], hulls: Mapping[str, BaseGeometry], findings: list[Finding]
 ) -> list[Doorway]:
     """Return the doors of each floor that join rooms or lead outside; doors without a room are added to `findings`."""
     doorways = []
-    hulls = {floor.name: _hull(floor, floors, walls) for floor in floors}
     for body in passages:
         near = [floor for floor in floors if abs(floor.z - body.z_min) <= SILL]
         below = [floor for floor in floors if SILL < body.z_min - floor.z <= STEP and body.fills != -1]
@@ -215,12 +217,15 @@ def plan_of_bodies(
             f"{source}: the file has no floor: neither a space nor a slab with a level top, only "
             f"{', '.join(kinds) or 'nothing'}{lost}"
         )
-    ways = doorways_of(passages, floors, [body for body in bodies if body.kind == "wall"], findings)
+    walls = [body for body in bodies if body.kind == "wall"]
+    hulls = {floor.name: _hull(floor, floors, walls) for floor in floors}
+    ways = doorways_of(passages, floors, hulls, findings)
     passable = [way.ground for way in ways]
     for floor in floors:
         own = [ground for way, ground in zip(ways, passable, strict=True) if way.floor is floor]
         floor.ground = snapped(united([floor.ground, *own]))
-    stairs = stairs_of(bodies, floors, rules.cut_slabs, findings)
+    stairs = stairs_of(bodies, floors, hulls, rules.cut_slabs, findings)
+    floors = _without_pits(floors, ways, stairs, findings)
     plan = Plan(source)
     plan.findings = findings
     for floor in floors:
@@ -240,6 +245,22 @@ def plan_of_bodies(
     if not plan.exits:
         _note_alone(plan, floors, stairs)
     return plan
+
+
+def _without_pits(
+    floors: list[Floor], ways: Sequence[Doorway], stairs: Sequence[FoundStair], findings: list[Finding]
+) -> list[Floor]:
+    """Return the floors without pits: small ones below another floor to which neither door nor stair leads."""
+    met = [*(way.floor for way in ways), *(floor for stair in stairs for floor in stair.floors)]
+    kept = []
+    for floor in floors:
+        is_low = any(PIT[0] < other.z - floor.z < PIT[1] for other in floors)
+        if is_low and floor.ground.area < LARGEST_PIT and not any(floor is other for other in met):
+            text = f"{floor.ground.area:.2f} m2 at {floor.z:.2f} m, a pit: neither door nor stair leads there"
+            findings.append(Finding("left out", text, None, (*place_of(floor.ground), floor.z)))
+        else:
+            kept.append(floor)
+    return kept
 
 
 def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> None:

@@ -1,6 +1,6 @@
 """Convert runs of treads and landings to stairs of a plan; each stair is built once as a test before it is used."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -39,6 +39,10 @@ LEAST_WIDTH = 0.5
 PASSABLE = 1.5
 #: A slab is taken as closed if it covers more than this share of the ground that a flight needs free.
 CLOSED = 0.5
+#: Steps before a door are lower than this [m].
+STEPS = 2.0
+#: Bodies that are nowhere wider than this are no stairs [m].
+NARROWEST = 0.3
 #: A stair that cannot be used is there twice if others cover more than this share of it.
 TWICE = 0.8
 
@@ -146,13 +150,22 @@ class LeftOutError(ValueError):
 
 
 def stairs_of(
-    bodies: Sequence[Body], floors: Sequence[Floor], cut_slabs: bool, findings: list[Finding]
+    bodies: Sequence[Body],
+    floors: Sequence[Floor],
+    hulls: Mapping[str, BaseGeometry],
+    cut_slabs: bool,
+    findings: list[Finding],
 ) -> list[FoundStair]:
-    """Return the stairs that can be walked; a warning with its place is added for every other one."""
+    """Return the stairs that can be walked; a finding with its place is added for every other one.
+
+    `hulls`: each floor with its walls and without holes, by its name.
+    """
     treads = treads_of([body for body in bodies if body.kind in ("stair", "landing")])
     for body in treads.bare:
-        text = f"{body.name!r} is left out: neither treads nor an inclined face were found in its shape"
-        findings.append(Finding("missing", text, _storey(floors, body.z_min), body.place))
+        is_thin = shapely.is_empty(body.shadow().buffer(-NARROWEST / 2))
+        what = "it is a handrail or a stringer" if is_thin else "neither treads nor an inclined face are in its shape"
+        kind, text = "left out" if is_thin else "missing", f"{body.name!r} is left out: {what}"
+        findings.append(Finding(kind, text, _storey(floors, body.z_min), body.place))
     for landing in treads.short:
         text = f"a landing less than {SHORT:g} m deep is treated as part of its flight"
         findings.append(Finding("assumed", text, _storey(floors, landing.z), place_of(landing.plan)))
@@ -163,7 +176,10 @@ def stairs_of(
             made.append((run, _flight(run, floors, landings)))
         except LeftOutError as left:
             plan = united([tread for tread, _ in run.treads])
-            if min(floor.ground.distance(plan) for floor in floors) > FAR:
+            around = united([hulls[floor.name] for floor in floors if abs(floor.z - run.treads[-1].z) < STEPS])
+            is_low = run.treads[-1].z - run.treads[0].z < STEPS
+            is_beside = is_low and common(plan, around).area < (1.0 - TWICE) * plan.area
+            if is_beside or min(floor.ground.distance(plan) for floor in floors) > FAR:
                 text = f"{_names(run.names)} is left out: it is outside of the building"
                 findings.append(Finding("left out", text, None, run.place))
             else:

@@ -1,5 +1,6 @@
 """Convert spaces, slabs, walls and columns to the floors of storeys."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -32,6 +33,13 @@ NARROWEST = 0.4
 BESIDE = 0.1
 #: Minimum area of a part of a space without a slab that is reported as a void [m2].
 LEAST_VOID = 0.25
+#: Share of a part of the ground inside of the outer walls up to which it is outside.
+OUTSIDE = 0.05
+#: Words of names of spaces in which nobody can stand.
+SHAFTS = """
+    lift lifts elev elevator elevators hoistway shaft shafts riser duct void aufzug aufzüge liftschacht aufzugsschacht
+    aufzugschacht fahrschacht installationsschacht schacht ascenseur gaine trémie ascensor ascensore vano
+"""
 
 
 @dataclass(frozen=True)
@@ -79,7 +87,7 @@ def floors_of(
 
     `passages`: doors and openings that people pass through; `storeys` [m]: names and heights, for the names of floors.
     """
-    low = _low_spaces(bodies, findings)
+    low = _closed_spaces(bodies, findings)
     heights = _heights([body for body in bodies if body not in low], rules)
     names = _names(heights, storeys)
     tops = [(plan, z) for body in bodies if body.kind == "slab" for plan, z in body.tops()]
@@ -108,6 +116,7 @@ def floors_of(
             what = "the file has no spaces" if rules.ground == "auto" else "as set"
             findings.append(Finding("assumed", f"slabs without walls are used as floors: {what} (ground)", name))
         made = _without_bodies(made, bodies, height, rules.furniture)
+        made = _inside(made, height, bodies, passages, name, findings)
         floors.append(Floor(name, height.z, made, slabs, list(rooms.items())))
         levels = [z for _, _, z in height.spaces]
         if levels and max(levels) - min(levels) > 0.001:
@@ -120,13 +129,18 @@ def floors_of(
     return [floor for floor in floors if not floor.ground.is_empty]
 
 
-def _low_spaces(bodies: Sequence[Body], findings: list[Finding]) -> list[Body]:
-    """Return the spaces in which nobody can stand, such as attics; they are added to `findings`."""
-    low = [body for body in bodies if body.kind == "space" and body.z_max - body.z_min < STANDING]
-    for body in low:
-        text = f"{body.name!r} is only {body.z_max - body.z_min:.2f} m high: nobody can stand in it"
-        findings.append(Finding("left out", text, None, (*body.place, body.z_min)))
-    return low
+def _closed_spaces(bodies: Sequence[Body], findings: list[Finding]) -> list[Body]:
+    """Return the spaces in which nobody can stand, such as attics and shafts; they are added to `findings`."""
+    closed_to_all = []
+    for body in (body for body in bodies if body.kind == "space"):
+        height = body.z_max - body.z_min
+        why = f"is only {height:.2f} m high: nobody can stand in it" if height < STANDING else ""
+        words = set(re.findall(r"[^\W\d_]{2,}", body.name.lower()))
+        why = why or ("is a shaft by its name" if words and words <= {*SHAFTS.split()} else "")
+        if why:
+            closed_to_all.append(body)
+            findings.append(Finding("left out", f"{body.name!r} {why}", None, (*body.place, body.z_min)))
+    return closed_to_all
 
 
 def _covers(plan: BaseGeometry, other: BaseGeometry) -> bool:
@@ -257,10 +271,7 @@ def _halls(
     findings: list[Finding],
 ) -> BaseGeometry:
     """Return the slabs that walls and spaces enclose without a space on them, if several doors open there."""
-    solid = [body for body in [*bodies, *passages] if body.kind in ("wall", "column", "opening")]
-    level = height.z + CUTS[2]
-    sections = [body.shadow() for body in solid if body.z_min < level < body.z_max]
-    around = united([plan for plan in [*sections, *(plan for _, plan, _ in height.spaces)] if not plan.is_empty])
+    around = united([*_walls_at(height, bodies, passages), *(plan for _, plan, _ in height.spaces)])
     enclosed = [shapely.Polygon(ring) for part in shapely.get_parts(around) for ring in part.interiors]
     doors = [body.shadow() for body in passages if -THICKNESS <= body.z_min - height.z <= RECESS]
     halls = []
@@ -270,6 +281,39 @@ def _halls(
             text = f"{hall.area:.2f} m2 of slab between doors are used as a floor without a space"
             findings.append(Finding("assumed", text, name, place_of(hall)))
     return united(halls)
+
+
+def _walls_at(height: _Height, bodies: Sequence[Body], passages: Sequence[Body]) -> list[BaseGeometry]:
+    """Return the plans of walls, columns and fillings of openings at a height."""
+    solid = [body for body in [*bodies, *passages] if body.kind in ("wall", "column", "opening")]
+    level = height.z + CUTS[2]
+    sections = [body.shadow() for body in solid if body.z_min < level < body.z_max]
+    return [plan for plan in sections if not plan.is_empty]
+
+
+def _inside(
+    ground: BaseGeometry,
+    height: _Height,
+    bodies: Sequence[Body],
+    passages: Sequence[Body],
+    name: str,
+    findings: list[Finding],
+) -> BaseGeometry:
+    """Return the ground without terraces: parts outside of the walls to which no stair leads."""
+    walls = closed(united(_walls_at(height, bodies, passages)), THICKNESS)
+    hull = united([shapely.Polygon(part.exterior) for part in shapely.get_parts(walls)])
+    parts = shapely.get_parts(ground)
+    shares = shapely.area(shapely.intersection(parts, hull)) / shapely.area(parts)
+    if common(ground, hull).area <= 0.5 * hull.area:
+        return ground
+    stairs = [body for body in bodies if body.kind in ("stair", "landing")]
+    stairs = [body for body in stairs if body.z_min - THICKNESS < height.z < body.z_max + THICKNESS]
+    ways = united([shapely.box(*body.box[:, :2].ravel()) for body in stairs])
+    is_outside = (shares < OUTSIDE) & ~shapely.dwithin(parts, ways, THICKNESS)
+    for part in parts[is_outside]:
+        text = f"{part.area:.2f} m2 outside of the walls, such as a terrace: doors to it lead outside"
+        findings.append(Finding("left out", text, name, place_of(part)))
+    return united(parts[~is_outside])
 
 
 def _without_bodies(ground: BaseGeometry, bodies: Sequence[Body], height: _Height, furniture: bool) -> BaseGeometry:
