@@ -11,6 +11,7 @@ from evac.base.keys import Factor, Table, table_of
 from evac.base.toml import toml_value
 from evac.case.case import Case
 from evac.case.schema import DESCRIPTION, GroupSettings, PeopleSettings, shipped_presets
+from evac.people.starts import load_table
 
 #: Title of the first table of the reference, which is the end of its page.
 FIRST = "At the top of the file"
@@ -37,7 +38,7 @@ WORDS: dict[Any, str] = {
 
 def reference() -> str:
     """Return every key of case.toml with its type, unit, default and meaning, as Markdown, by table."""
-    return "\n\n".join([_table(Case, "", FIRST), *_tables(Case, ""), _distributions(), _presets()]) + "\n"
+    return "\n\n".join([_table(Case, "", FIRST), *_tables(Case, ""), _distributions(), _presets(), _loads()]) + "\n"
 
 
 def _tables(table: type[Table], path: str) -> list[str]:
@@ -115,6 +116,16 @@ def _presets() -> str:
         "Fruin and Boyce et al. are quoted from secondary sources: check them against the edition that your project "
         "follows.\n\n"
         "| name | people | values | source |\n|---|---|---|---|\n" + "\n".join(rows)
+    )
+
+
+def _loads() -> str:
+    rows = [f"| `{use}` | {row.get('ground', 'nobody')} | {row['source']} |" for use, row in load_table().items()]
+    return (
+        "### Loads of uses\n\nPeople in rooms of a use (`people.use`, and areas whose group has neither `number` nor "
+        "`density`). ADB is Approved Document B (England), volume 2, 2019, table D1, and NFPA is NFPA 101, 2009: check "
+        "the values against the code that your project follows.\n\n"
+        "| use | m2 per person | source |\n|---|---|---|\n" + "\n".join(rows)
     )
 
 

@@ -44,6 +44,9 @@ MOST_STEPS = 100_000
 #: Greatest number of people in a group, and in a case.
 MOST_PEOPLE = 1_000_000
 
+#: Greatest density of people [1/m2]; they cannot stand closer.
+MOST_DENSITY = 20.0
+
 #: Greatest simulated time of a run [s], four months, and number of states that it records.
 LONGEST_RUN = 1e7
 MOST_STATES = 10_000_000
@@ -229,11 +232,21 @@ class GroupSettings(PeopleSettings):
         None,
     )
     number: Whole | None = key("number of people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
+    density: Annotated[Real, Field(gt=0, le=MOST_DENSITY)] | None = key(
+        "instead of `number`, people per square metre of their `area`, `level` or rooms of a `use`", "1/m2", None
+    )
     area: str | None = key(
-        "area of the building in which they start at random places; this, `level` or `positions`", "", None
+        "area of the building in which they start at random places; this, `level`, `use` or `positions`", "", None
+    )
+    use: str | None = key(
+        "use of the rooms in which they start. Without `number` and `density`, as many start in each room, and in an "
+        "`area`, as the plan states, or else as fit its use by the table of loads",
+        "",
+        None,
+        min_length=1,
     )
     positions: tuple[Point, ...] | None = key(
-        "start position of each person [[x, y], ...]; this, `area` or `level`", "m", None, min_length=1
+        "start position of each person [[x, y], ...]; this, `area`, `level` or `use`", "m", None, min_length=1
     )
     velocity: tuple[Velocity, ...] | None = key(
         "initial velocity of each person, with `positions` only; if not given, zero", "m/s", None
@@ -261,8 +274,8 @@ class GroupSettings(PeopleSettings):
             return self
         if self.area is not None and self.positions is not None:
             raise wrong("area", "give either area or positions, not both; remove one")
-        if self.area is None and self.positions is None and self.level is None:
-            raise wrong("area", "give the start of the people: area and number, level and number, or positions")
+        if self.area is None and self.positions is None and self.level is None and self.use is None:
+            raise wrong("area", "give the start of the people: area, level or use with their number, or positions")
         if self.positions is None:
             self._check_place()
         else:
@@ -281,19 +294,23 @@ class GroupSettings(PeopleSettings):
             raise wrong("arrive", "give one place at which they enter: area, level, or arrive.exit")
         if self.arrive.portal is not None and self.level is None:
             raise wrong("level", "missing; name the level that people enter through arrive.portal")
-        for other in ("number", "positions", "velocity", "z"):
+        for other in ("number", "density", "use", "positions", "velocity", "z"):
             if getattr(self, other) is not None:
                 raise wrong(other, "cannot be used with arrive, whose times or rate set the number; remove it")
 
     def _check_place(self) -> None:
-        place = "area" if self.area is not None else "level"
-        if self.number is None:
-            raise wrong("number", f"missing; give the number of people who start in the {place}")
-        for other in ("velocity", "z", *(("level",) if place == "area" else ())):
-            if getattr(self, other) is not None:
-                raise wrong(other, f"can be used only with positions, not with {place} and number; remove it")
+        place, *others = [name for name in ("area", "use", "level") if getattr(self, name) is not None]
+        if self.number is not None and self.density is not None:
+            raise wrong("density", "give either number or density, not both; remove one")
+        if place == "level" and self.number is None and self.density is None:
+            raise wrong("number", "missing; give the number of people who start on the level, or their density")
+        for other in (*others, *(name for name in ("velocity", "z") if getattr(self, name) is not None)):
+            raise wrong(other, f"can be used only with positions, not with {place} and number; remove it")
 
     def _check_positions(self, count: int) -> None:
+        for other in ("density", "use"):
+            if getattr(self, other) is not None:
+                raise wrong(other, "cannot be used with positions; remove it")
         if self.number not in (None, count):
             raise wrong("number", f"{self.number} people but {count} positions; remove number or correct it")
         check_level("the level of the positions", self.level, self.z)
@@ -473,9 +490,6 @@ class LineSettings(Table):
             raise wrong("segment", "its ends are the same point; move one of them")
         return self
 
-
-#: Greatest density [1/m2] that an event can wait for; people cannot stand closer.
-MOST_DENSITY = 20.0
 
 #: The conditions of which `when` has one.
 CONDITIONS = ("event", "out", "count", "at_most", "density")

@@ -113,7 +113,12 @@ def execute_check(arguments: argparse.Namespace) -> int:
             simulation.building,
             narrow_places(simulation.building, 2.0 * simulation.population.crowd.contact_radius),
         )
-        _draw(arguments.picture, building, (*building.findings, *narrow, *simulation.stopping), case.title)
+        _draw(
+            arguments.picture,
+            building,
+            (*building.findings, *narrow, *simulation.stopping, *simulation.population.left_out),
+            case.title,
+        )
     return 0
 
 
@@ -126,7 +131,7 @@ def check_as_json(arguments: argparse.Namespace) -> int:
         case = case_of(arguments)
         with Display(has_lines=False) as display:
             simulation = Simulation(case, will_run=False, compiling=display.compiling)
-        told += simulation.building.findings
+        told += [*simulation.building.findings, *simulation.population.left_out]
         known = {str(finding) for finding in told}
         told += [Finding("warning", text) for text in simulation.warnings() if text not in known]
         _draw(arguments.picture, simulation.building, told, case.title)
@@ -388,6 +393,8 @@ def show_people(simulation: "Simulation") -> None:
     if simulation.stopping:
         reach = f"Not all fit through the ways to an exit{others}; see warnings for narrow places"
     show_table(f"People: {len(crowd.level)}. {reach}.", columns, rows)
+    out = [(finding.where, finding.text) for finding in population.left_out]
+    show_table("Left out, since the case does not name it", ("place", "ground"), out)
 
 
 def show_course(case: "Case") -> None:

@@ -202,7 +202,7 @@ def show_study(study: "Study") -> int:
     from evac.study.outputs import parameter_keys, quality_of, remarks_of
 
     case = study.points[0].case
-    people = {sum(group.count for group in point.case.people) for point in study.points}
+    people = {row["people"] for row in study.rows(columns=["people"])} or {0}
     runs, blocked, failed = (
         sum(getattr(estimates, name) for estimates in study.statistics) for name in ("runs", "blocked", "failed")
     )

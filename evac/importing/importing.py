@@ -18,7 +18,6 @@ from evac.building.model.findings import KINDS, Finding
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.plan import Plan
 from evac.building.plan.plantable import plan_of_building, plan_text, table_of
-from evac.building.plan.rooms import people_of
 from evac.building.surface.build import building_of, clean
 from evac.building.surface.meshfile import tagged_surface, write_surface
 from evac.building.surface.surfacemesh import SurfaceMesh
@@ -290,9 +289,9 @@ class _Draft:
         (importer,), _, _ = _options([file], {}, self._registry)
         read = read_file(importer, file)
         mesh = read if isinstance(read, SurfaceMesh) else read_storeys(read, self._registry).surface()
-        self.people = people_of(read) if isinstance(read, Plan) else {}
         surface = clean(mesh, file, SurfaceOptions(**self.kept))
         self.written = building_of(surface, file, BuildingOptions.model_validate(more or {}), need_exit=False)
+        self.people = {area.name: area.people for area in self.written.areas if area.people is not None}
         self.openings = self.openings or [(name, np.asarray(ends)) for name, ends in mesh.openings]
         self.findings = [*self._told, *(finding for finding in self.written.findings if finding not in self._told)]
 

@@ -16,6 +16,7 @@ from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding
 from evac.building.model.links import isolated_parts, levels_reaching
 from evac.building.model.storeys import storeys
+from evac.people.starts import divided
 
 #: Least width of an opening [m].
 LEAST_WIDTH = 0.5
@@ -162,13 +163,9 @@ def _around(building: Building, areas: list[Room]) -> list[Room]:
 
 
 def _divided(people: int, rooms: list[Room]) -> list[Room]:
-    """Return rooms with people divided by area; the largest remainder method makes the numbers add up."""
-    ground = np.array([room.ground for room in rooms])
-    share = people * ground / max(ground.sum(), 1e-9)
-    number = np.floor(share)
-    rest = int(people - number.sum()) if len(rooms) else 0
-    number[np.argsort(-(share - number), kind="stable")[:rest]] += 1.0
-    return [replace(room, number=int(count)) for room, count in zip(rooms, number, strict=True)]
+    """Return rooms with people divided by area."""
+    numbers = divided(people, [room.ground for room in rooms])
+    return [replace(room, number=number) for room, number in zip(rooms, numbers, strict=True)]
 
 
 def with_missing(building: Building, findings: Sequence[Finding]) -> list[Finding]:

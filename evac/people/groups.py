@@ -124,6 +124,11 @@ def check_people(case: "Case", building: Building) -> None:
         raise ScenarioError("\n".join(problems))
 
 
+def opens_later(case: "Case") -> bool:
+    """Return whether an event of a case may open a way that people have to wait for."""
+    return any(event.kind in ("open", "strategy") or event.value is False for event in case.event)
+
+
 def _mean_on_stairs(people: "GroupSettings", quantity: str) -> float:
     """Return the mean speed of a group on stairs; a factor is independent of the flat speed that it multiplies."""
     given, flat = getattr(people, quantity), people.speed.mean()

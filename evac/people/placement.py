@@ -2,12 +2,13 @@
 
 import itertools
 import math
+from collections.abc import Callable
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.base.arrays import FloatArray
+from evac.base.arrays import BoolArray, FloatArray
 from evac.base.errors import ScenarioError
 from evac.jit import Bytes, Floats, IntGrid, Ints, Pairs, Quads, Struct, Triples, inner, kernel
 from evac.physics.contact.neighbours import segment_distance
@@ -46,6 +47,7 @@ def place(
     occupied: FloatArray,
     generator: np.random.Generator,
     place_name: str,
+    may_start: Callable[[FloatArray], BoolArray],
 ) -> FloatArray:
     """Place discs in a polygon at random and without overlaps.
 
@@ -64,6 +66,8 @@ def place(
         Centres and radii of people placed before.
     place_name : str
         Name of the place in error messages.
+    may_start : callable
+        Returns which of some points (k, 2) in the polygon may be centres, (k,).
 
     Returns
     -------
@@ -79,10 +83,16 @@ def place(
     near = np.ascontiguousarray(segments[is_near.all(axis=1)])
     there = occupied[((occupied[:, :2] >= low - around) & (occupied[:, :2] <= high + around)).all(axis=1)]
     shapely.prepare(polygon)
-    positions, n_placed = _at_random(polygon, radii, near, there, generator)
+
+    def are_inside(points: FloatArray) -> BoolArray:
+        inside: BoolArray = shapely.intersects_xy(polygon, points[:, 0], points[:, 1])
+        inside[inside] = may_start(points[inside])
+        return inside
+
+    positions, n_placed = _at_random(polygon, radii, near, there, generator, are_inside)
     if n_placed == len(radii):
         return positions
-    lattice, n_fitting = _on_lattice(polygon, len(radii), reach, near, there, generator)
+    lattice, n_fitting = _on_lattice(polygon, len(radii), reach, near, there, generator, are_inside)
     if lattice is None:
         raise _too_many(place_name, radii, polygon, max(n_placed, n_fitting))
     return lattice
@@ -104,7 +114,12 @@ def clearance(positions: FloatArray, segments: FloatArray) -> FloatArray:
 
 
 def _at_random(
-    polygon: BaseGeometry, radii: FloatArray, segments: FloatArray, occupied: FloatArray, generator: np.random.Generator
+    polygon: BaseGeometry,
+    radii: FloatArray,
+    segments: FloatArray,
+    occupied: FloatArray,
+    generator: np.random.Generator,
+    are_inside: Callable[[FloatArray], BoolArray],
 ) -> tuple[FloatArray, int]:
     """Random sequential addition; return positions and the number of placed discs."""
     n = len(radii)
@@ -115,8 +130,9 @@ def _at_random(
     n_placed = 0
     for _ in range(ROUNDS):
         points = generator.uniform((left, bottom), (right, top), (batch, 2))
-        points = np.ascontiguousarray(points[shapely.intersects_xy(polygon, points[:, 0], points[:, 1])])
-        n_placed = add_discs(points, radii[order], n_placed, len(occupied), segments, cells)
+        n_placed = add_discs(
+            np.ascontiguousarray(points[are_inside(points)]), radii[order], n_placed, len(occupied), segments, cells
+        )
         if n_placed == n:
             break
     positions = np.empty((n, 2))
@@ -131,12 +147,13 @@ def _on_lattice(
     segments: FloatArray,
     occupied: FloatArray,
     generator: np.random.Generator,
+    are_inside: Callable[[FloatArray], BoolArray],
 ) -> tuple[FloatArray | None, int]:
     """Hexagonal lattice; return positions, or None if they do not fit, and the capacity of the densest lattice."""
     cells = _cells(polygon, np.array([radius]), occupied, 0)
 
     def standing(points: FloatArray) -> FloatArray:
-        points = points[shapely.intersects_xy(polygon, points[:, 0], points[:, 1])]
+        points = points[are_inside(points)]
         fits = np.zeros(len(points), dtype=np.bool_)
         _are_clear(np.ascontiguousarray(points), radius, segments, cells, fits.view(np.uint8))
         return points[fits]
@@ -166,7 +183,7 @@ def _on_lattice(
     moved = points + length[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
     fits = np.zeros(n, dtype=np.bool_)
     _are_clear(moved, radius, segments, cells, fits.view(np.uint8))
-    fits &= shapely.intersects_xy(polygon, moved[:, 0], moved[:, 1])
+    fits &= are_inside(moved)
     return np.where(fits[:, None], moved, points), n_fitting
 
 

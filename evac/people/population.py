@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray, IntArray
+from evac.base.arrays import BoolArray, FloatArray, IntArray
 from evac.base.defaults import LEAST_HEIGHT, LEAST_RADIUS, MOST_HEIGHT, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
 from evac.base.distributions import Distribution, generator_for
 from evac.base.errors import ScenarioError, naming
@@ -16,11 +16,13 @@ from evac.base.parameters import did_you_mean
 from evac.base.saved import Bounds, Saved, SavedError, taken
 from evac.building.model.building import DOWN, FLAT, UP, Area, Building
 from evac.building.model.elevation import elevation
+from evac.building.model.findings import Finding
 from evac.building.surface.places import HEIGHT_REACH
 from evac.people.arrivals import Source, times_of_arrival
 from evac.people.behaviour import Behaviour
-from evac.people.groups import check_people, contact_radii, route_of
+from evac.people.groups import check_people, contact_radii, opens_later, route_of
 from evac.people.placement import clearance, place
+from evac.people.starts import start_in, starts_of
 from evac.physics.motion import EXIT
 from evac.physics.state import Crowd, Events, make_crowd
 
@@ -85,6 +87,8 @@ class Population(Saved):
         People who do not leave.
     sources : sequence of Source
         Where people come in during the run.
+    left_out : tuple of Finding
+        Ground of their areas on which nobody starts.
     """
 
     def __init__(
@@ -95,10 +99,11 @@ class Population(Saved):
         routes: int,
         staying: IntArray | None = None,
         sources: "Sequence[Source]" = (),
+        left_out: tuple[Finding, ...] = (),
     ) -> None:
         self.crowd = crowd
         self.groups = groups
-        self.sources = tuple(sources)
+        self.sources, self.left_out = tuple(sources), left_out
         self.staying = np.zeros(0, np.int32) if staying is None else staying
         self._building, self._n_portals, self._routes = building, len(building.portals), routes
         self._log: list[tuple[IntArray, IntArray, FloatArray]] = []
@@ -259,9 +264,10 @@ def build_population(
     for people, group in zip(case.people, groups, strict=True):
         if people.positions is not None:
             _take_positions(case, building, crowd, people, group.rows)
+    left_out: list[Finding] = []
     for people, group in zip(case.people, groups, strict=True):
         if people.positions is None and people.arrive is None:
-            _take_area(case, building, crowd, people, group.rows, seed)
+            left_out += _take_area(case, building, fields, crowd, people, group.rows, seed)
     sources = []
     for people, group in zip(case.people, groups, strict=True):
         if people.arrive is not None:
@@ -270,7 +276,7 @@ def build_population(
     stay = [group.rows for people, group in zip(case.people, groups, strict=True) if not people.leave]
     staying = np.concatenate([np.zeros(0, np.int32), *stay])
     crowd.start_time[staying] = np.inf
-    return Population(crowd, groups, building, len(fields.routes), staying, sources)
+    return Population(crowd, groups, building, len(fields.routes), staying, sources, tuple(dict.fromkeys(left_out)))
 
 
 def _route_index(case: "Case", people: "GroupSettings", fields: "Fields") -> int:
@@ -370,31 +376,37 @@ def _levels_of(case: "Case", building: Building, people: "GroupSettings", positi
     return found
 
 
-def _start(building: Building, people: "GroupSettings") -> tuple[Area, str]:
-    """Return the start area of a group, which may be a whole level, and its description for messages."""
-    named = building.level_named(people.level) if people.level is not None else None
-    if named is not None:
-        return Area(named.name, named.index, named.polygon), f"level {named.name!r}"
-    area = next(area for area in building.areas if area.name == people.area)
-    return area, f"area {area.name!r} on level {building.levels[area.level].name!r}"
-
-
 def _take_area(
-    case: "Case", building: Building, crowd: Crowd, people: "GroupSettings", rows: IntArray, seed: int
-) -> None:
-    """Place a group at random in its area or level, clear of walls, portals, exits and people placed before."""
-    area, what = _start(building, people)
-    links = [
-        *(portal.segments for portal in building.portals_of(area.level)),
-        *(exit_.segments for exit_ in building.exits_of(area.level)),
-    ]
-    there = np.flatnonzero(crowd.level == area.level)
-    crowd.position[rows] = place(
-        area.polygon,
-        crowd.radius[rows],
-        np.concatenate([building.walls[building.wall_level == area.level], *links]),
-        np.column_stack((crowd.position[there], crowd.radius[there])),
-        generator_for(seed, "people", people.name, "position"),
-        f"{case.source}: people.{people.name}.number: {what}",
-    )
-    crowd.level[rows] = area.level
+    case: "Case", building: Building, fields: "Fields", crowd: Crowd, people: "GroupSettings", rows: IntArray, seed: int
+) -> tuple[Finding, ...]:
+    """Place a group at random in its areas, clear of walls, portals, exits, doorways and people placed before."""
+    generator = generator_for(seed, "people", people.name, "position")
+    widest, first, found = float(crowd.contact_radius[rows].max()), 0, list[Finding]()
+    for area, number in starts_of(str(case.source), people, building):
+        own = rows[first : first + number]
+        first += number
+        if not number:
+            continue
+
+        def has_way(points: FloatArray, area: Area = area) -> BoolArray:
+            if not people.leave or opens_later(case):
+                return np.ones(len(points), np.bool_)
+            return fields.are_passable(area.level, points, crowd.route[rows[0]], widest)
+
+        start = start_in(building, area, has_way)
+        found += start.findings
+        kind = "level" if people.level is not None else "area"
+        where = "" if kind == "level" else f" on level {building.levels[area.level].name!r}"
+        there = np.flatnonzero(crowd.level == area.level)
+        links = [link.segments for link in building.links_of(area.level)]
+        crowd.position[own] = place(
+            area.polygon,
+            crowd.radius[own],
+            np.concatenate([building.walls[building.wall_level == area.level], *links, start.faces]),
+            np.column_stack((crowd.position[there], crowd.radius[there])),
+            generator,
+            f"{case.source}: people.{people.name}.number: {kind} {area.name!r}{where}",
+            start.may_start,
+        )
+        crowd.level[own] = area.level
+    return tuple(found)

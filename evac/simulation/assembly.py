@@ -10,9 +10,10 @@ from evac.building.options import BuildingOptions
 from evac.building.surface.build import build_building
 from evac.building.surface.surfacemesh import SurfaceMesh
 from evac.contract.registry import Registry, built_in, create
-from evac.people.groups import check_people
+from evac.people.groups import check_people, opens_later
 from evac.people.places import Places, with_places
 from evac.people.population import Population, build_population
+from evac.people.starts import with_numbers
 from evac.people.ways import check_ways
 from evac.physics.contact.model import border_scene
 from evac.physics.engine import CompiledEngine, Engine
@@ -133,6 +134,7 @@ def make_shared_scene(case: "Case") -> SharedScene:
     """Return building and directions of a case, as its simulation computes them in one process."""
     building = make_building(case)
     check_people(case, building)
+    case = with_numbers(case, building)
     with naming(case.source):
         return SharedScene(building, solve_fields(case, building, make_behaviours(case), full=False, workers=1))
 
@@ -150,8 +152,7 @@ def make_population(
     crowd = people.crowd
     places = Places(case, building, fields.routes, crowd)
     places.assign(fields)
-    may_wait = any(one.kind in ("open", "strategy") or one.value is False for one in case.event)
-    stopping = check_ways(case.source, building, fields, world, crowd, people.groups, places.full, may_wait)
+    stopping = check_ways(case.source, building, fields, world, crowd, people.groups, places.full, opens_later(case))
     border = border_scene(crowd, case.simulation.step, case.simulation.is_explicit)
     with naming(case.source):
         with plugin_code(f"contact model {contact.name!r}: check_scene", contact):

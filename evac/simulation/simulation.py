@@ -23,6 +23,7 @@ from evac.directions.fields import Fields
 from evac.jit.loading import Compiling, addresses_of
 from evac.people.groups import check_people
 from evac.people.outside import PeopleOutside
+from evac.people.starts import with_numbers
 from evac.people.unusual import late_starts, rivals, unusual
 from evac.people.ways import cut_off
 from evac.physics.state import copy_of
@@ -140,6 +141,7 @@ class Simulation(Saved):
         with self.phases.enter("building"):
             building = shared_scene.building if shared_scene else assembly.make_building(case)
             check_people(case, building)
+            self.case = case = with_numbers(case, building)
         with self.phases.enter("kernels"):
             used = assembly.ENGINE, building, self.contact, self.forces, behaviours
             kernels = needed.run_kernels(case, *used, self.full) if will_run else []

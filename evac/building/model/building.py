@@ -151,11 +151,17 @@ class Area:
     level : int
     polygon : shapely polygon or multipolygon
         The area in plan [m].
+    use : str
+        What the room of a plan is used for, such as ``"office"``; empty if the source does not say.
+    people : float, optional
+        Number of people that the source states for it.
     """
 
     name: str
     level: int
     polygon: BaseGeometry
+    use: str = ""
+    people: float | None = None
 
 
 @dataclass(frozen=True)

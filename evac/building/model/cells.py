@@ -10,7 +10,7 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import LONGEST_NAME
 from evac.base.errors import is_one_line
 from evac.base.saved import Saved
-from evac.building.model.building import Building, Level
+from evac.building.model.building import Area, Building, Level
 
 #: Least and greatest side of the cells of a field [m], and greatest number of cells of all levels.
 LEAST_SPACING, MOST_SPACING, MOST_CELLS = 0.05, 1e6, 1_000_000
@@ -24,7 +24,7 @@ class Cells:
 
     Parameters
     ----------
-    level : Level
+    level : Level or Area
     spacing : float [m]
         Side of the cells.
 
@@ -36,7 +36,7 @@ class Cells:
         Lower left corner.
     """
 
-    def __init__(self, level: Level, spacing: float) -> None:
+    def __init__(self, level: Level | Area, spacing: float) -> None:
         low_x, low_y, high_x, high_y = level.polygon.bounds
         self.spacing = spacing
         self.origin: FloatArray = spacing * np.floor(np.array([low_x, low_y]) / spacing)

@@ -83,6 +83,11 @@ class Room:
         """Whether people can start in it."""
         return (self.use, self.people, self.density) != (None, None, None)
 
+    @property
+    def number(self) -> float | None:
+        """Number of people that it states, by itself or by their density."""
+        return self.people if self.density is None else self.density * float(self.outline.area)
+
 
 @dataclass(frozen=True)
 class Tie:
@@ -245,7 +250,7 @@ class Plan:
         use : str
             What it is used for, such as ``"office"``.
         people : int
-            Number of people, which `evac import` writes to the case.
+            Number of people, which groups take that do not state another, and `evac import` writes to the case.
         density : float [1/m2]
             People per square metre, instead of their number.
 

@@ -87,13 +87,6 @@ def middle_of(segment: FloatArray) -> tuple[float, float]:
     return x, y
 
 
-def people_of(plan: Plan) -> dict[str, float]:
-    """Return the number of people of each room that states it or their density, by the name of its area."""
-    rooms = [one for name in plan.storeys for one in _rooms(plan, name, _originals(plan, name))]
-    held = {one.name: one.people if one.density is None else one.density * one.outline.area for one in rooms}
-    return {name: float(number) for name, number in held.items() if number is not None}
-
-
 def _originals(plan: Plan, name: str) -> list[str]:
     """Return the storeys that a storey is like, directly or through others."""
     found: list[str] = []

@@ -134,10 +134,13 @@ def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[
         if not parts:
             raise BuildingError(f"{source}: area {name!r} lies on no walkable level; put it on a level")
         parts.sort(key=lambda part: (-part[0].area, part[1]))
+        use, people = surface.uses.get(name, ("", None))
+        ground = sum(polygon.area for polygon, _ in parts)
         for row, (polygon, level) in enumerate(parts):
             own = numbered(name, taken) if row else name
             taken.add(own)
-            areas.append(Area(own, level, polygon.normalize()))
+            share = None if people is None else people * polygon.area / ground
+            areas.append(Area(own, level, polygon.normalize(), use, share))
         if len(parts) > 1:
             text = f"area {name!r} lies on {len(parts)} levels and has been divided into as many areas"
             place = parts[0][0].representative_point().coords[0]

@@ -3,7 +3,8 @@
 The result depends only on the geometry, not on the order of vertices and cells in a file or on their orientation.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,7 @@ class Surface:
     findings: tuple[Finding, ...]
     # tuple of (str, (2, 3) float64) [m]: name and ends of each door between rooms
     doors: tuple[tuple[str, FloatArray], ...] = ()
+    uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)  # use and people of areas
     doubts: tuple[Finding, ...] = ()  # those of the findings that errors repeat, since they may tell the cause
 
 
@@ -105,7 +107,9 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     gradient = -normal[:, :2] / normal[:, 2:] + 0.0
     is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= options.flat_angle
     doors = tuple((name, scale * ends) for name, ends in mesh.doors)
-    return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), doors, doubts)
+    return Surface(
+        vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), doors, mesh.uses, doubts
+    )
 
 
 def _is_fitted(vertices: FloatArray, triangles: IndexArray) -> BoolArray:

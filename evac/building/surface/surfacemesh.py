@@ -55,6 +55,8 @@ class SurfaceMesh:
         `evac import` suggests them.
     doors : sequence of (str, (2, 3) array [units of the file])
         Doors between rooms, which are part of the floor: a name and the ends of the opening.
+    uses : mapping of str to (str, float or None)
+        Use and number of people of areas, by their names; see `Area`.
     """
 
     points: ArrayLike
@@ -64,6 +66,7 @@ class SurfaceMesh:
     findings: Sequence[Finding | str] = ()
     openings: Sequence[tuple[str, ArrayLike]] = ()
     doors: Sequence[tuple[str, ArrayLike]] = ()
+    uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)
 
     @classmethod
     def of_polygons(
@@ -73,6 +76,7 @@ class SurfaceMesh:
         findings: Sequence[Finding | str] = (),
         openings: Sequence[tuple[str, ArrayLike]] = (),
         doors: Sequence[tuple[str, ArrayLike]] = (),
+        uses: Mapping[str, tuple[str, float | None]] | None = None,
     ) -> Self:
         """Return the conforming mesh of polygons in plan; coordinates are rounded to 6 decimals.
 
@@ -85,7 +89,7 @@ class SurfaceMesh:
             Holes are allowed. The height is a number, or a function of x and y that is linear over the polygon.
         edges : iterable of (tag, point, point)
             Straight edges on the outlines of the surfaces, such as exits, by their ends (x, y, z).
-        findings, openings, doors : sequence
+        findings, openings, doors, uses
             See the attributes.
 
         Raises
@@ -128,7 +132,7 @@ class SurfaceMesh:
         count = [len(own) for own in pieces]
         known = dict.fromkeys(tag for own, *_ in drawn for tag in own)
         cell_tags = {tag: np.repeat([tag in own for own, *_ in drawn], count) for tag in known}
-        return cls(points, triangles, cell_tags, edge_tags, findings, openings, doors)
+        return cls(points, triangles, cell_tags, edge_tags, findings, openings, doors, uses or {})
 
 
 @dataclass(frozen=True)
@@ -142,6 +146,7 @@ class TriangleMesh:
     edge_tags: dict[str, IndexArray]  # dict of str to (e, 2) int64: edges with each tag of edges
     findings: tuple[Finding, ...]
     doors: tuple[tuple[str, FloatArray], ...] = ()  # tuple of (str, (2, 3) float64) [units of the file]
+    uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)
 
 
 def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
@@ -178,11 +183,12 @@ def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
     cell_tags = with_repaired_names(source, cell_tags, notes)
     edge_tags = with_repaired_names(source, edge_tags, notes)
     doors = [(repaired(name), _as_array(source, f"door:{name}", at, np.float64, (-1, 3))) for name, at in mesh.doors]
+    uses = {repaired(name): use for name, use in mesh.uses.items()}
     for name, at in doors:
         if len(at) != 2 or not np.isfinite(at).all():
             text = f"the importer's door {name!r} is {at.tolist()}; it must be two finite points (x, y, z)"
             raise PluginError(f"{source}: {text}")
-    return TriangleMesh(source, points, triangles, cell_tags, edge_tags, tuple(notes), tuple(doors))
+    return TriangleMesh(source, points, triangles, cell_tags, edge_tags, tuple(notes), tuple(doors), uses)
 
 
 def _as_array(source: Path, name: str, values: ArrayLike, dtype: Any, shape: tuple[int, ...]) -> Any:
