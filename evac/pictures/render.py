@@ -239,12 +239,12 @@ def render_picture(renderer: Renderer, path: Path, time: float | None = None) ->
 
 
 def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: float = 5.0) -> None:
-    """Draw the whole run to an animated GIF, or to an MP4 film if imageio-ffmpeg is installed."""
+    """Draw the whole run to an animated GIF, or to an MP4 film with the extra film."""
     _check_ending(path, FILMS)
     trajectory = renderer.trajectory
     count = number_of_pictures(trajectory, fps, speed)
     if path.suffix == ".mp4" and importlib.util.find_spec("imageio_ffmpeg") is None:
-        raise ResultError(f"{path}: an MP4 film needs imageio-ffmpeg (pip install imageio-ffmpeg); or write a .gif")
+        raise ResultError(f'{path}: an MP4 film needs an extra: pip install "evac[film]", or write a .gif')
     frames = [trajectory.nearest(k * speed / fps) for k in range(count)]
     images = (renderer.image(k) for k in frames)
     with replacing(path, "the film") as new:

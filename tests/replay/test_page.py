@@ -320,3 +320,37 @@ def test_a_run_that_was_killed_says_so(browser, room, tmp_path):
     last = trajectory[-1]
     assert browser.text("#inside") == str(len(last["person"]))
     assert browser.text("#outside") == str(20 - len(last["person"]))
+
+
+def test_paths_are_those_of_everybody_or_of_the_group_that_is_shown(browser, storeys):
+    page, trajectory = storeys
+    browser.show(page)
+    browser.run("replay.act.paths()")
+    browser.settle()
+    drawn = "replay.stage.meshes.paths.count"
+    everybody = browser.run(drawn)
+    groups = sorted(set(trajectory.group.tolist()))
+    parts = []
+    for index in range(len(groups)):
+        browser.run(f"document.querySelectorAll('#legend button')[{index}].click()")
+        browser.settle()
+        parts.append(browser.run(drawn))
+    assert sum(parts) == everybody > 0
+    browser.press("h", "KeyH")
+    assert browser.run(drawn) == 0
+
+
+def test_a_video_is_saved_from_the_time_that_is_shown_to_the_end(browser, storeys):
+    page, _ = storeys
+    browser.open(page)
+    browser.run(
+        """URL.createObjectURL = (blob) => { window.film = blob; return ""; };
+           HTMLAnchorElement.prototype.click = function () { window.named = this.download; };
+           replay.act.seek(replay.record.end - 1); document.getElementById("save-film").click()"""
+    )
+    browser.wait("window.named")
+    start = browser.run("film.slice(0, 12).arrayBuffer().then((bytes) => [...new Uint8Array(bytes)])")
+    is_film = {"mp4": bytes(start[4:8]) == b"ftyp", "webm": bytes(start[:4]) == b"\x1a\x45\xdf\xa3"}
+    assert is_film[browser.run("named").removeprefix("replay.")]
+    assert browser.run("[replay.state.time === replay.record.end, replay.state.isPlaying]") == [True, False]
+    browser.page = None

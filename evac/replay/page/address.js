@@ -1,7 +1,7 @@
 // The view in the fragment of the address, so that a link leads to it.
 
 const WAIT = 300;  // The address follows so late [ms].
-const VIEWED = ["view", "storey", "spread", "quantity", "layer", "service", "selected", "highlighted"];
+const VIEWED = ["view", "storey", "spread", "quantity", "layer", "service", "selected", "highlighted", "hasPaths", "clip"];
 const AIMED = ["azimuth", "tilt", "size"];
 const digits = (value) => typeof value === "number" ? Number(value.toPrecision(6)) : value;
 
@@ -27,6 +27,9 @@ function readAddress(fragment, { storeys, layers, quantities, services, people, 
     const value = given.get(name) ? Number(given.get(name)) : NaN, isWhole = ["storey", "selected", "highlighted"].includes(name);
     if (value >= low && value <= high && (!isWhole || Number.isInteger(value))) found[name] = value;
   }
+  if (given.get("hasPaths") === "true") found.hasPaths = true;
+  const clip = given.get("clip")?.split(",").map(Number);
+  if (clip?.length === 6 && clip.every((share) => share >= 0 && share <= 1)) found.clip = clip;
   const target = given.get("target")?.split(",").map(Number);
   if (target?.length === 3 && target.every(Number.isFinite)) found.target = target;
   return found;

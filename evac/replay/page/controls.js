@@ -15,6 +15,7 @@ function keysOf(camera, state, act) {
     ["C", "next colour of people", { c: act.recolour }],
     ["L", "next map on the floors", { l: act.nextLayer }],
     ["M", "measure with a line, an area, off", { m: act.nextMeasure }],
+    ["H, X", "paths; show only what is in a box", { h: () => act.paths(), x: act.showClip }],
     ["F, 0", "show everything; return to the first view", { f: act.fit, "0": act.restart }],
     ["+ −", "zoom", { "+": view(() => camera.zoom(0.8)), "=": view(() => camera.zoom(0.8)), "-": view(() => camera.zoom(1.25)) }],
     ["W A S D", "move", { w: view(() => camera.pan(0, -0.1)), s: view(() => camera.pan(0, 0.1)), a: view(() => camera.pan(0.1, 0)), d: view(() => camera.pan(-0.1, 0)) }],

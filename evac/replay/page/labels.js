@@ -87,6 +87,7 @@ class Labels {
   boxOf(item, camera, state, density) {
     const { layout, cells } = this, { to } = item;
     if (to === undefined ? !layout.visible[item.level] || item.kind === "storey" && layout.storey >= 0 : !to) return null;
+    if (item.at && !layout.holds(...item.at)) return null;
     if (to) this.rename(item, to.name);
     if (item.kind === "exit") {
       const note = this.record.noteOn(item.index, state);
@@ -94,12 +95,17 @@ class Labels {
       this.rename(item, note ? `${item.name} (${note})` : item.name);
     }
     const boxes = to ? new Map() : item.boxes, places = SIDES[to ? "pointer" : item.kind === "storey" && !layout.isPlan ? "column" : item.kind] ?? SIDES.any;
-    const fits = (side) => {
-      if (!boxes.has(side)) boxes.set(side, this.boxAt(item, to?.at ?? this.anchor(item, camera), side, camera, density));
-      const box = boxes.get(side);
-      return box && cells.isFree(...box);
+    const fits = (side, isOver) => {
+      const key = isOver ? places.indexOf(side) : side;
+      if (!boxes.has(key)) boxes.set(key, this.boxAt(item, to?.at ?? this.anchor(item, camera), side, camera, density, isOver));
+      return boxes.get(key) && cells.isFree(...boxes.get(key));
     };
-    item.side = (places.includes(item.side) ? [item.side, ...places] : places).find(fits);  // The last one first, so that it does not jump.
+    const ordered = places.includes(item.side) ? [item.side, ...places] : places;  // The last one first, so that it does not jump.
+    item.side = ordered.find((side) => fits(side, false));
+    if (!item.side && item.kind === "exit") {  // Every exit has its name, if need be before the floors above it.
+      item.side = ordered.find((side) => fits(side, true));
+      return item.side ? boxes.get(places.indexOf(item.side)) : null;
+    }
     return item.side ? boxes.get(item.side) : null;
   }
 
@@ -118,7 +124,7 @@ class Labels {
   }
 
   // The box at a side of a point; null where the point is not before the eye or a floor lies before the box.
-  boxAt(item, at, [right, down], camera, density) {
+  boxAt(item, at, [right, down], camera, density, isOver) {
     const { width, height } = this.cells, [x, y, depth] = camera.project(at), [w, h] = item.size ??= [item.span.offsetWidth, item.span.offsetHeight];
     if (depth >= 1) return null;
     const left = (x + 1) / 2 * width + right * (w / 2 + GAP) - w / 2, top = (1 - y) / 2 * height + down * (h + GAP) - h / 2;
@@ -126,7 +132,7 @@ class Labels {
       const [from, along] = camera.ray(2 * px / width - 1, 1 - 2 * py / height), way = (at[2] - from[2]) / along[2];
       return way > 0 && floorsBefore(this.layout, density, from, from.map((value, i) => value + way * along[i]), 1) > 0;
     };
-    const isHidden = !camera.isFlat && !item.to && [left, left + w].some((px) => shines(px, top) || shines(px, top + h));
+    const isHidden = !isOver && !camera.isFlat && !item.to && [left, left + w].some((px) => shines(px, top) || shines(px, top + h));
     return isHidden ? null : [left, top, left + w, top + h, (x + 1) / 2 * width, (1 - y) / 2 * height];
   }
 
@@ -148,10 +154,11 @@ class Labels {
 const GAP = 5;
 const near = Array.from({ length: 31 }, (_, k) => (k - 15) * 1.05).filter((down) => Math.abs(down) > 1);
 const around = (reach) => [[0, -reach], [0, reach], [-reach, 0], [reach, 0], [-reach, -reach], [reach, -reach], [-reach, reach], [reach, reach]];
+const far = (rights) => near.flatMap((down) => rights.map((right) => [right, down])).sort(([a, b], [c, d]) => Math.hypot(6 * a, b) - Math.hypot(6 * c, d));
 const SIDES = {
   any: [[0, 0], ...around(1)],
-  pointer: near.flatMap((down) => [0, 0.5, -0.5, 1, -1, 1.5, -1.5].map((right) => [right, down])).sort(([a, b], [c, d]) => Math.hypot(6 * a, b) - Math.hypot(6 * c, d)),
-  exit: [...around(1), ...around(2), ...around(3), ...around(4)],
+  pointer: far([0, 0.5, -0.5, 1, -1, 1.5, -1.5]),
+  exit: [...around(1), ...around(2), ...around(3), ...around(4), ...far([0, 1, -1, 2, -2, 3, -3, 4.5, -4.5, 6, -6, 8, -8])],
   storey: [...[1, 1.25, 1.5, 1.75, 2, 2.5, 3, 4].map((right) => [right, -0.75]), [1, 1], [-1, 1], [-1, -1], [-1, 0]],  // Above it.
   column: [[-1, 0]],
 };

@@ -47,6 +47,28 @@ class Layout {
     this.frames = building.levels.map(() => [[1, 0, 0], [0, 1, 0]]);  // Of each level: x and y in the picture from those in plan.
     this.visible = building.levels.map(() => true);
     this.spread = 1;
+    this.heights = [this.base, Math.max(...building.levels.map((level) => level.z[1])) + 2.2];  // Of the floors, and above heads.
+    this.clip([0, 0, 0, 1, 1, 1]);
+  }
+
+  // Shows only what is in a box: its least x, y and z and its greatest, as shares of those of the building. In 3D only.
+  clip(shares) {
+    const [low, high] = [[...this.box.slice(0, 2), this.heights[0]], [...this.box.slice(2), this.heights[1]]];
+    this.shares = shares;
+    this.isClipped = shares.some((share, k) => share !== (k < 3 ? 0 : 1));
+    this.limits = shares.map((share, k) => share === (k < 3 ? 0 : 1) ? (k < 3 ? -Infinity : Infinity) : low[k % 3] + share * (high[k % 3] - low[k % 3]));
+  }
+
+  // Whether a place in plan, at its true height, is in the box.
+  holds(x, y, z) {
+    const [x1, y1, z1, x2, y2, z2] = this.limits;
+    return this.isFlat || !this.isClipped || (x >= x1 && x <= x2 && y >= y1 && y <= y2 && z >= z1 && z <= z2);
+  }
+
+  // The least and the greatest corner of the box in the picture.
+  boxInPicture() {
+    const far = [-1e9, -1e9, -1e9, 1e9, 1e9, 1e9], all = this.isFlat ? far : this.limits.map((limit, k) => Number.isFinite(limit) ? (k % 3 === 2 ? this.height(limit) : limit) : far[k]);
+    return { low: all.slice(0, 3), high: all.slice(3) };
   }
 
   // Factor of heights with which, in a view, a storey leaves a share of the one below free.

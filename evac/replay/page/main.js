@@ -1,6 +1,8 @@
 // Puts everything together, and shows the time that is to be shown.
 
+const WHOLE = [0, 0, 0, 1, 1, 1];  // Shares of the building that are shown: least x, y and z, greatest x, y and z.
 const VIEWS = ["3d", "plan", "section"];
+const CLIPPED = ["from x", "from y", "from z", "to x", "to y", "to z"];
 const MEASURED = "measured";  // Name of its curves.
 const FOLLOWED = 14;  // Height of the picture around somebody who is followed [m].
 const MOST_PIXELS = 2;  // Of the screen to one of the page, at most.
@@ -31,13 +33,13 @@ async function start() {
   const canvas = by("view"), camera = new Camera(), stage = new Stage(canvas, record.people);
   const labels = new Labels(by("labels"), record, layout);
   const panel = new Panel(record, series, layout, people);
-  const atFirst = { time: record.begin, speed: 1, quantity: "group", view: "3d", storey: -1, layer: airs[0] ?? "plain", service: "", highlighted: null };
+  const atFirst = { time: record.begin, speed: 1, quantity: "group", view: "3d", storey: -1, layer: airs[0] ?? "plain", service: "", highlighted: null, hasPaths: false, clip: WHOLE };
   const state = { ...atFirst, isPlaying: false, spread: 1, selected: null, isFollowed: false, measuring: "", pixels: MOST_PIXELS, took: 0 };
   const timeLine = new TimeLine(findEvents(record, series), record, (time) => act.seek(time));
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
   let look = {}, built = null, isStale = true, last = null, told = 0, felt = 0;
   let measured = null, drawnFrom = null;
-  let opened = null, remembering = null;
+  let opened = null, remembering = null, film = null;
 
   const redraw = () => {
     if (!isStale) requestAnimationFrame(show);
@@ -61,6 +63,8 @@ async function start() {
     by("storey-tool").hidden = storeys.length < 2 || state.view === "section";
     by("storey").value = state.storey;
     by("spread-tool").hidden = state.view !== "3d" || state.storey >= 0 || storeys.length < 2;
+    by("clip").hidden = state.view !== "3d";
+    if (state.view !== "3d") by("clip-box").hidden = true;
     redraw();
   }
 
@@ -75,7 +79,7 @@ async function start() {
   function recolour() {
     by("colour").value = state.quantity;
     showLayer();
-    panel.showLegend(state.quantity, state.service, state.highlighted, (index) => { state.highlighted = index; recolour(); });
+    panel.showLegend(state.quantity, state.service, state.highlighted, (index) => { state.highlighted = index; recolour(); drawPaths(); });
     redraw();
   }
 
@@ -131,6 +135,7 @@ async function start() {
     const { azimuth, tilt, size, target, view, selected, ...others } = readAddress(location.hash.slice(1), known);
     act.view(view ?? state.view);
     Object.assign(state, others);
+    act.clip(others.clip ?? WHOLE);
     Object.assign(camera, { tilt: tilt ?? camera.tilt, azimuth: azimuth ?? camera.azimuth });
     by("spread").value = state.spread;
     arrange();
@@ -141,20 +146,36 @@ async function start() {
     act.seek(state.time);
   }
 
-  // Draws, and returns a picture of it with texts.
-  function paint() {
-    show();
+  // Returns a picture of what has just been drawn, with texts; on a page if one is given.
+  function paint(page) {
     const scale = state.quantity === "group" ? null : people.scaleOf(state.quantity, state.service);
     const told = scale && { ...scale, name: state.quantity, most: scale.top, nothing: record.colours.nothing, stops: onFloor({ ...scale, isVeiled: false }, [0, 0, 0]) };
     const words = `${seconds(state.time)} · ${by("inside").textContent} inside, ${by("outside").textContent} out`;
-    return paintPicture(canvas, { labels: labels.shown, title: document.title, about: words, legend: { scale: told, groups: panel.groupNames }, top: heightOfTools() });
+    return paintPicture(canvas, { labels: labels.shown, title: document.title, about: words, legend: { scale: told, groups: panel.groupNames }, top: heightOfTools() }, page);
   }
+
+  function paintNow() {
+    show();
+    return paint();
+  }
+
+  // Plays from this time on at this speed, and saves that as a video at the end or when it is stopped.
+  function toggleFilm() {
+    if (film) return pause();
+    if (state.time >= record.end) state.time = record.begin;
+    film = startFilm(paintNow(), "replay");
+    if (!film) return tellFilm("no video here");
+    tellFilm("Stop video");
+    if (!state.isPlaying) act.toggle();
+  }
+
+  function tellFilm(text) { by("save-film").textContent = text; }
 
   // Prints are light, and have a picture in the place of the canvas.
   function preparePrint() {
     const { theme } = document.documentElement.dataset;
     setTheme("light");
-    by("printed").src = paint().toDataURL("image/png");
+    by("printed").src = paintNow().toDataURL("image/png");
     by("printed").hidden = false;
     addEventListener("afterprint", () => {
       by("printed").hidden = true;
@@ -173,6 +194,14 @@ async function start() {
     }
     camera.target = place;
     camera.update();
+  }
+
+  function drawPaths() {
+    const { highlighted } = state, last = about.colours.groups.length - 1;
+    const isOfThem = (p) => highlighted === null || (record.group[p] < 0 ? last : record.group[p]) === highlighted;
+    by("paths").setAttribute("aria-pressed", state.hasPaths);
+    stage.mesh("paths", state.hasPaths ? pathsMesh(layout, record, isOfThem, about.colours.groups.map(([body]) => unit(body))) : [], [3, 4]);
+    redraw();
   }
 
   function drawMeasured() { stage.mesh("measured", measured ? measureMesh(layout, measured, look.mark) : [], [3, 4]); }
@@ -218,6 +247,7 @@ async function start() {
       stage.build(layout, density, building, { exit: unit(about.colours.exit), closed: unit(about.colours.closed), places: Object.fromEntries(Object.entries(about.colours.places).map(([kind, colour]) => [kind, unit(colour)])) });
       select(state.selected);
       drawMeasured();
+      drawPaths();
     }
     const now = record.at(state.time);
     const isLate = began - felt > TELL_EVERY || !state.isPlaying || now.count < SHADOWED;
@@ -230,9 +260,10 @@ async function start() {
     if (airs.includes(state.layer)) stage.setLayer(density, smoke.layer(state.layer, now.frame, people.scaleOf(state.layer, "")), false);
     people.update(now, layout, state.quantity, state.service, state.highlighted, state.selected);
     if (state.isFollowed) goAlong(now);
-    stage.draw(camera, people, { ...look, layer: state.isLayered ? 1 : 0, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
+    stage.draw(camera, people, { ...look, ...layout.boxInPicture(), layer: state.isLayered ? 1 : 0, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
     labels.update(camera, building, selectedPlace(), eventPlace(), people, density, wide, tall);
     updateScale(camera, tall);
+    if (film) paint(film.page);
     if (!state.isPlaying || began - told > TELL_EVERY) tell(now);
     if (!state.isPlaying) remember();
   }
@@ -269,6 +300,9 @@ async function start() {
   }
 
   function pause() {
+    film?.end();
+    if (film) tellFilm("Video");
+    film = null;
     Object.assign(state, { pixels: MOST_PIXELS, took: 0 });
     showPlaying(false);
     redraw();
@@ -287,6 +321,8 @@ async function start() {
       for (const dialog of document.querySelectorAll("dialog[open]")) dialog.close();
       act.speed(1);
       act.measure("");
+      act.clip(WHOLE);
+      by("clip-box").hidden = true;
       select(null);
       recolour();
       camera.aspect = aspect();
@@ -339,6 +375,15 @@ async function start() {
       by("found").textContent = found.length || !wanted ? "" : isNumber ? `People are numbered from 0 to ${record.people - 1}.` : "There is no such group.";
       if (found.length) act.select(found.find((p) => p > selected) ?? found[0]);
     },
+    paths(isShown = !state.hasPaths) { state.hasPaths = isShown; drawPaths(); },
+    clip(shares) {
+      state.clip = shares;
+      layout.clip(shares);
+      by("clip").setAttribute("aria-pressed", layout.isClipped);
+      CLIPPED.forEach((name, k) => { by(`clip-${k}`).value = shares[k]; });
+      redraw();
+    },
+    showClip() { if (state.view === "3d") by("clip-box").hidden = !by("clip-box").hidden; },
     follow(isFollowed) {
       state.isFollowed = isFollowed;
       by("follow").setAttribute("aria-pressed", isFollowed);
@@ -394,6 +439,7 @@ async function start() {
     options("layer", layers.map((name) => [name, name]));
     options("service", [["", "none"], ...Object.entries(about.services).map(([name, { source }]) => [name, source])]);
     options("speed", SPEEDS.map((speed) => [speed, `${speed}×`]));
+    by("clip-box").innerHTML = CLIPPED.map((name, k) => `<label>${name} <input id="clip-${k}" type="range" min="0" max="1" step="0.01" value="${WHOLE[k]}"></label>`).join("");
     by("speed").value = state.speed;
     Object.assign(by("slider"), { min: record.begin, max: record.end });
     Object.assign(by("spread"), { min: 1, max: MOST_SPREAD });
@@ -402,15 +448,17 @@ async function start() {
   function listen() {
     const on = (id, type, action) => by(id).addEventListener(type, action);
     const clicks = {
-      play: act.toggle, fit, theme: act.theme, "show-info": () => by("info").showModal(), "show-help": () => by("help").showModal(),
+      play: act.toggle, paths: () => act.paths(), clip: act.showClip, fit, theme: act.theme, "show-info": () => by("info").showModal(), "show-help": () => by("help").showModal(),
       "person-close": act.deselect, follow: () => act.follow(!state.isFollowed), "measured-close": () => act.measure(""),
     };
     for (const [id, action] of Object.entries(clicks)) on(id, "click", action);
     for (const view of VIEWS) on(`view-${view}`, "click", () => act.view(view));
     for (const id of ["layer", "colour", "service", "measure"]) on(id, "change", () => act[id](by(id).value));
+    CLIPPED.forEach((name, k) => on(`clip-${k}`, "input", () => act.clip(CLIPPED.map((_, i) => Number(by(`clip-${i}`).value)))));
     for (const id of ["speed", "storey", "spread"]) on(id, "input", () => act[id](Number(by(id).value)));
     on("slider", "input", () => act.seek(Number(by("slider").value)));
-    on("save-picture", "click", () => savePicture(paint(), `replay-${state.time.toFixed(1)}-s.png`));
+    on("save-film", "click", toggleFilm);
+    on("save-picture", "click", () => savePicture(paintNow(), `replay-${state.time.toFixed(1)}-s.png`));
     on("curve", "change", () => showCurve(by("curve").value));
     on("measured-save", "click", () => save(new Blob([measured.table(), "\n"], { type: "text/csv" }), `${measured.name}.csv`));
     for (const id of ["warnings", "answer"]) on(id, "click", ({ target }) => {

@@ -98,6 +98,26 @@ function glowMesh(layout, storey, { shut, marks }, colours) {
   return values;
 }
 
+const PATH_STEP = 0.2;  // Least length of a piece [m].
+
+// The paths of all people of a kind: lines in the colours of their groups.
+function pathsMesh(layout, record, isOfThem, colours) {
+  const { motion } = record, { levels } = layout.building, values = [], last = new Int32Array(record.people).fill(-1);
+  const end = (row) => [...layout.place(motion.level[row], motion.x[row], motion.y[row], motion.z[row] + 0.04), ...colours[record.group[motion.person[row]]] ?? colours.at(-1), 0.5];
+  for (let row = 0; row < motion.person.length; row++) {
+    const p = motion.person[row], before = last[p], level = motion.level[row];
+    if (!isOfThem(p)) continue;
+    if (before >= 0) {
+      const from = motion.level[before];
+      if (from === level && Math.hypot(motion.x[row] - motion.x[before], motion.y[row] - motion.y[before]) < PATH_STEP) continue;
+      const jumps = layout.isFlat && (levels[from].storey !== levels[level].storey || layout.isSection && from !== level);
+      if (layout.visible[from] && layout.visible[level] && !jumps) values.push(...end(before), ...end(row));
+    }
+    last[p] = row;
+  }
+  return values;
+}
+
 // The way of one person: a flat ribbon on the floor.
 function trackMesh(layout, record, p, colour) {
   const { motion } = record, values = [], half = Math.max(0.05, Math.max(...layout.extent) / 600);

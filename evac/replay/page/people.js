@@ -47,14 +47,15 @@ class People {
     const isGroup = quantity === "group";
     const scale = isGroup ? null : this.scaleOf(quantity, service), colours = scale && ramp(scale);
     const { levels } = layout.building, sizes = new Uint32Array(layout.storeys.length);
-    for (let i = 0; i < now.count; i++) if (layout.visible[now.level[i]]) sizes[levels[now.level[i]].storey]++;
+    const isShown = (i) => layout.visible[now.level[i]] && layout.holds(now.x[i], now.y[i], now.z[i]);
+    for (let i = 0; i < now.count; i++) if (isShown(i)) sizes[levels[now.level[i]].storey]++;
     let total = 0;
     this.parts = Array.from(sizes, (size) => [(total += size) - size, size]);
     const next = this.parts.map(([from]) => from);
     this.marked = -1;
     for (let i = 0; i < now.count; i++) {
       const level = now.level[i];
-      if (!layout.visible[level]) continue;
+      if (!isShown(i)) continue;
       const p = now.person[i], k = next[levels[level].storey]++;
       const [[xx, xy, x0], [yx, yy, y0]] = layout.frames[level];
       bodies[4 * k] = xx * now.x[i] + xy * now.y[i] + x0;

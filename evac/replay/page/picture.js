@@ -2,18 +2,19 @@
 
 const LINE = 20;  // Height of a line of the legend [pixels of the page].
 
-// Paints what the stage has just drawn below the tools, and the texts, on a canvas of its own.
-function paintPicture(canvas, { labels, title, about, legend, top }) {
-  const ratio = canvas.width / canvas.clientWidth, page = document.createElement("canvas"), pen = page.getContext("2d");
+// Paints what the stage has just drawn below the tools, and the texts, on a canvas of its own, or on one that has its size already.
+function paintPicture(canvas, { labels, title, about, legend, top }, page = document.createElement("canvas")) {
+  const pixels = canvas.width / canvas.clientWidth, ratio = page.ratio ??= pixels, pen = page.getContext("2d");
   const style = getComputedStyle(document.documentElement), colour = (name) => style.getPropertyValue(`--${name}`);
   const small = `12px ${getComputedStyle(document.body).fontFamily}`, high = canvas.clientHeight - top;
   pen.font = small;
   const parts = arrangeLegend(pen, legend, canvas.clientWidth - 12);
-  Object.assign(page, { width: canvas.width, height: Math.round((high + LINE * (parts.at(-1).line + 3)) * ratio) });
+  if (!page.isSized) Object.assign(page, { isSized: true, width: even(canvas.width), height: even((high + LINE * (parts.at(-1).line + 3)) * ratio) });
+  pen.resetTransform();
   pen.fillStyle = colour("panel");
   pen.fillRect(0, 0, page.width, page.height);
   pen.scale(ratio, ratio);
-  pen.drawImage(canvas, 0, top * ratio, canvas.width, high * ratio, 0, 0, canvas.clientWidth, high);
+  pen.drawImage(canvas, 0, top * pixels, canvas.width, high * pixels, 0, 0, canvas.clientWidth, high);
   pen.textBaseline = "middle";
   for (const { span, box: [left, low, right, bottom], line: [x1, y1, x2, y2] } of labels) {
     const { backgroundColor, color, font } = getComputedStyle(span);
@@ -59,6 +60,21 @@ function arrangeLegend(pen, { groups, scale }, right) {
     if (x + wide > right && x > 12) [x, line] = [12, line + 1];
     return { ...entry, line, x: (x += wide) - wide };
   });
+}
+
+const even = (length) => 2 * Math.round(length / 2);  // As videos need it.
+const FILMS = ["video/mp4;codecs=avc1.640028", "video/webm;codecs=vp9", "video/webm"];
+const BITS_PER_SECOND = 8e6;
+
+// Records what is painted on a page from now on, until `end` saves it; null where the browser cannot.
+function startFilm(page, name) {
+  const type = FILMS.find((one) => window.MediaRecorder?.isTypeSupported(one)), chunks = [];
+  if (!type) return null;
+  const recorder = new MediaRecorder(page.captureStream(), { mimeType: type, videoBitsPerSecond: BITS_PER_SECOND });
+  recorder.addEventListener("dataavailable", ({ data }) => chunks.push(data));
+  recorder.addEventListener("stop", () => save(new Blob(chunks, { type }), `${name}.${/mp4|webm/.exec(type)[0]}`));
+  recorder.start();
+  return { page, end: () => recorder.stop() };
 }
 
 function savePicture(page, name) {

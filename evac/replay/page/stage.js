@@ -144,6 +144,7 @@ class Stage {
     });
     gl.depthMask(false);
     this.use(this.glow);
+    this.show("paths", gl.LINES);
     this.show("track");
     this.show("measured");
     gl.depthMask(true);
@@ -171,10 +172,10 @@ class Stage {
     for (const name in values) setters[name]?.(values[name]);
   }
 
-  show(name) {
+  show(name, shapes = this.gl.TRIANGLES) {
     const mesh = this.meshes[name];
     if (!mesh?.count) return;
     this.gl.bindVertexArray(mesh.array);
-    this.gl.drawArrays(this.gl.TRIANGLES, 0, mesh.count);
+    this.gl.drawArrays(shapes, 0, mesh.count);
   }
 }

@@ -1,7 +1,7 @@
 // The first view: of several, the one in which most of the people of the run are seen well.
 
 const TIMES = 8, PEOPLE_EACH = 16;  // Looked at.
-const TURNS = [0.35, -0.35, 0.8, -0.8, Math.PI + 0.35, Math.PI - 0.35, Math.PI + 0.8, Math.PI - 0.8];  // From the longer side [rad].
+const TURNS = [0.35, -0.35, 0.8, -0.8, 1.2, -1.2];  // From the plan, so that the same sides lie at the left and at the right [rad].
 const TILTS = [0.45, 0.7, 1];  // [rad]
 const CLEARANCES = [0.3, 0.6, 1];  // Shares of a storey that the one above leaves free.
 const SEEN = [1, 0.6, 0.1];  // How well people are seen behind no, one and two floors.
@@ -32,10 +32,10 @@ function floorsBefore(layout, density, eye, [x, y, z], most) {
 
 // Sets the camera and the spread of the layout to the best view, and returns how well people are seen in it.
 function chooseView(camera, layout, density, record) {
-  const crowd = witnesses(record), side = layout.extent[0] >= layout.extent[1] ? 0 : -Math.PI / 2;
+  const crowd = witnesses(record);
   let best = { score: -1 };
   for (const tilt of layout.storeys.length > 1 ? TILTS : [0.95]) for (const turn of TURNS) {
-    Object.assign(camera, { tilt, azimuth: side + turn, isFlat: false });
+    Object.assign(camera, { tilt, azimuth: turn, isFlat: false });
     for (const spread of new Set(CLEARANCES.map((share) => layout.spreadFor(camera, share)))) {
       layout.arrange("3d", -1, spread, camera.aspect);
       camera.fit(layout.corners(), 1);
