@@ -1,0 +1,288 @@
+"""Strangers of known truth as plans in GeoJSON and as indoor maps of OpenStreetMap and IMDF."""
+
+import json
+import math
+import random
+import uuid
+import zipfile
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import shapely
+from shapely import LineString, MultiPolygon, Point, Polygon, box
+from shapely.geometry import mapping
+
+from tests.importing.strangers.judge import Stranger
+from tests.importing.strangers.truth import building
+
+EARTH = 6371008.8
+HOME = (8.4037, 49.0069)
+
+
+def _degrees(shape):
+    """Return longitude and latitude of a shape in metres east and north of a place."""
+    scale = 180 / math.pi / EARTH
+    return shapely.transform(
+        shape, lambda p: np.round(np.array(HOME) + p * [scale / math.cos(math.radians(HOME[1])), scale], 9)
+    )
+
+
+def _doubled(shape, rng):
+    """Return a polygon with a vertex that is there twice, as digitised files have."""
+    if not isinstance(shape, Polygon) or rng.random() < 0.5:
+        return shape
+    ring = list(shape.exterior.coords)
+    at = rng.randrange(1, len(ring) - 1)
+    return Polygon([*ring[: at + 1], *ring[at:]], [hole.coords for hole in shape.interiors])
+
+
+def _feature(shape, properties, **more):
+    return {"type": "Feature", "properties": properties, "geometry": mapping(shape), **more}
+
+
+def _shared(storey):
+    """Return rooms whose common edges are on the centre lines of walls, and what walls may count as floor."""
+    half = next(wall.thickness for wall in storey.walls if not wall.outer) / 2
+    rooms = {room.name: room.polygon.buffer(half, join_style="mitre") for room in storey.rooms}
+    return rooms, shapely.union_all(list(rooms.values())) - shapely.union_all([r.polygon for r in storey.rooms])
+
+
+def _onto(door, shapes):
+    """Return a door on the outline of the room that is nearest."""
+    outline = min((shape.exterior for shape in shapes), key=lambda ring: ring.distance(door.segment.centroid))
+    return LineString([outline.interpolate(outline.project(Point(p))) for p in door.segment.coords])
+
+
+def plan(seed, folder):
+    """GeoJSON in the properties of the documentation, which tell no stairs: each storey has exits."""
+    rng = random.Random(seed)
+    truth = building(seed, stairs=False, lifts=False)
+    unit = rng.choice([1.0, 0.001, 0.01, 0.3048])
+    features = []
+    style = {"stroke": "#555555", "fill": "#aabbcc", "fill-opacity": 0.4} if rng.random() < 0.4 else {}
+    for storey in truth.storeys:
+        where = {rng.choice(["storey", "level"]): storey.name, "z": storey.z}
+        whole = rng.random() < 0.5
+        floors = [MultiPolygon([r.polygon for r in storey.rooms])] if whole else [r.polygon for r in storey.rooms]
+        floors = [one if whole else _doubled(one, rng) for one in floors]
+        features += [_feature(truth.placed(one), {"kind": "storey", **where, **style}) for one in floors]
+        for room in storey.rooms:
+            if room.use == "office":
+                features.append(_feature(truth.placed(room.polygon), {"kind": "area", "name": room.name, **where}))
+                x, y = room.polygon.bounds[0] + 1.5, room.polygon.bounds[1] + 1.5
+                if rng.random() < 0.2:
+                    table = {"kind": "obstacle", "name": "table", **where}
+                    features.append(_feature(truth.placed(box(x, y, x + 0.5, y + 0.4)), table))
+        for door in storey.doors:
+            shape = door.segment
+            if rng.random() < 0.3:
+                shape = shape.segmentize(0.3)
+            kind = {"kind": door.kind, "name": door.name}
+            if door.kind == "exit" and rng.random() < 0.4:
+                shape = shape.buffer(door.wall.thickness / 2, cap_style="flat")
+            features.append(_feature(truth.placed(shape), {**kind, **where, **style}))
+    rng.shuffle(features)
+    scaled = [{**f, "geometry": _scaled(f["geometry"], 1 / unit)} for f in features]
+    if rng.random() < 0.5:
+        scaled = [{**f, "id": str(i)} for i, f in enumerate(scaled)]
+    top = {"type": "FeatureCollection", "name": "plan", "features": scaled}
+    path = folder / f"plan_{seed}.geojson"
+    path.write_text(json.dumps(top), encoding="utf-8")
+    return Stranger(truth, [path], options={} if unit == 1.0 else {"unit": unit})
+
+
+def _scaled(geometry, factor):
+    return mapping(shapely.transform(shapely.geometry.shape(geometry), lambda p: p * factor))
+
+
+def _elements(truth, rng):
+    """Return what a mapper draws of a building by Simple Indoor Tagging, as (shape, tags), and what walls are loose."""
+    loose, found = [], []
+    last = len(truth.storeys) - 1
+    apart = rng.random() < 0.5  # Stairwells: a room on each level with a line of steps, or one area on all levels.
+    lines = truth.storeys[0].rooms
+    for k, storey in enumerate(truth.storeys):
+        rooms, walls = _shared(storey)
+        wells = [room.polygon.buffer(0.3) for room in storey.rooms if room.use in ("stairs",)]
+        loose.append(shapely.union_all([walls, *wells]))
+        for room in storey.rooms:
+            tags = {"indoor": "corridor" if room.use == "corridor" else "room", "level": str(k)}
+            if room.use == "office":
+                tags |= {
+                    "ref": room.name[-4:],
+                    **rng.choice([{}, {"room": "office"}, {"name": f"Büro {room.name[-4:]}"}]),
+                }
+            elif room.use == "lift":
+                if k:
+                    continue
+                tags |= {"highway": "elevator", "level": f"0-{last}"}
+            elif room.use == "stairs":
+                tags |= {"room": "stairs"} if apart else {"stairs": "yes", "level": f"0-{last}"}
+                if k and not apart:
+                    continue
+            found.append((rooms[room.name], tags))
+        for door in storey.doors:
+            if door.kind == "lift" and rng.random() < 0.5:
+                continue
+            wide = f"{door.segment.length:.2f}"
+            tags = {"door": rng.choice(["hinged", "yes"]), "level": str(k), "width": rng.choice([wide, wide + " m"])}
+            if door.kind == "exit":
+                tags["entrance"] = rng.choice(["yes", "main", "emergency"])
+            shapes = [rooms[room.name] for room in storey.rooms]
+            found.append((_onto(door, shapes).centroid, tags))
+        if k == 0:
+            outline = shapely.union_all(list(rooms.values())).buffer(0.001).buffer(-0.001)
+            tags = {
+                "building": "office",
+                "building:levels": str(last + 1),
+                "height": f"{truth.height * (last + 1):.1f}",
+            }
+            found.append((outline.exterior.convex_hull, {**tags, "name": "Amt", "addr:street": "Hauptstraße"}))
+    for stair in truth.stairs if apart else ():
+        ends = [stair.lower_edge.centroid, stair.upper_edge.centroid]
+        if stair.kind == "turning":
+            y = stair.landings[0][0].centroid.y
+            ends[1:1] = [Point(ends[0].x, y), Point(ends[1].x, y)]
+        tags = {"highway": "steps", "level": f"{stair.lower};{stair.lower + 1}", "incline": "up", "width": "1.2"}
+        found.append((LineString(ends), {**tags, "indoor": "yes"} if rng.random() < 0.5 else tags))
+    x1, y1, x2, _ = truth.storeys[0].outline.bounds
+    outside = [
+        (LineString([(x1 - 20, y1 - 6), (x2 + 20, y1 - 6)]), {"highway": "footway", "surface": "asphalt"}),
+        (Point(x1 - 8, y1 - 4), {"natural": "tree"}),
+        (Point(x1 + 3, y1 + 3), {"amenity": "vending_machine", "level": "0", "indoor": "yes"}),
+        (box(x1 - 19, y1 - 20, x1 - 10, y1 - 12), {"building": "garage"}),
+        (Point(lines[0].polygon.centroid), {"emergency": "fire_extinguisher", "level": "0"}),
+    ]
+    return found + [one for one in outside if rng.random() < 0.6], loose, apart
+
+
+def osm_geojson(seed, folder):
+    """An indoor map of OpenStreetMap as the usual converters write it: flat tags, or tags within the properties."""
+    rng = random.Random(seed)
+    truth = building(seed)
+    elements, loose, _ = _elements(truth, rng)
+    nested, features = rng.random() < 0.3, []
+    for number, (shape, tags) in enumerate(elements, start=100):
+        shape = _degrees(truth.placed(_doubled(shape, rng)))
+        kind = "node" if isinstance(shape, Point) else "way"
+        meta = {"version": 2, "user": "mapper", "timestamp": "2020-01-01T00:00:00Z"}
+        flat = {"@id": f"{kind}/{number}", **tags}
+        properties = {"type": kind, "id": number, "tags": tags, "relations": [], "meta": meta} if nested else flat
+        features.append(_feature(shape, properties, id=f"{kind}/{number}"))
+    top = {"type": "FeatureCollection", "generator": "overpass-ide", "copyright": "ODbL", "features": features}
+    path = folder / f"osm_{seed}.geojson"
+    path.write_text(json.dumps(top, ensure_ascii=False), encoding="utf-8")
+    return Stranger(truth, [path], loose, heights=False, aligned=False)
+
+
+def osm(seed, folder):
+    """The same as OpenStreetMap XML: nodes, ways with shared nodes, doors as nodes of the ways of rooms."""
+    rng = random.Random(seed)
+    truth = building(seed)
+    elements, loose, _ = _elements(truth, rng)
+    nodes, ways = {}, []
+
+    def node(point):
+        key = tuple(round(float(c), 9) for c in _degrees(truth.placed(Point(point))).coords[0])
+        return nodes.setdefault(key, [-len(nodes) - 1 if seed % 2 else 1000 + len(nodes), {}])
+
+    doors = [(shape, tags) for shape, tags in elements if isinstance(shape, Point)]
+    for shape, tags in doors:
+        node(shape.coords[0])[1].update(tags)
+    for shape, tags in elements:
+        if isinstance(shape, Point):
+            continue
+        line = shape.exterior if isinstance(shape, Polygon) else shape
+        points = [*line.coords]
+        if isinstance(shape, Polygon):
+            for door, _ in doors:
+                if "indoor" in tags and line.distance(door) < 1e-6:
+                    at = line.project(door)
+                    after = next(
+                        i for i, p in enumerate(points) if (i and line.project(Point(p)) > at) or i == len(points) - 1
+                    )
+                    points.insert(after, door.coords[0])
+                    line = LineString(points)
+        ways.append((len(ways) + 1, [node(point)[0] for point in points], tags))
+    lons, lats = zip(*nodes, strict=True)
+    lines = ["<?xml version='1.0' encoding='UTF-8'?>", "<osm version='0.6' generator='JOSM'>", "  <!-- exported -->"]
+    lines.append(f"  <bounds minlat='{min(lats)}' minlon='{min(lons)}' maxlat='{max(lats)}' maxlon='{max(lons)}'/>")
+
+    def tagged(head, tags, inner=()):
+        texts = [*inner, *(f"    <tag k={quoteattr(k)} v={quoteattr(v)}/>" for k, v in tags.items())]
+        return [f"  <{head}>", *texts, f"  </{head.split()[0]}>"] if texts else [f"  <{head}/>"]
+
+    for (lon, lat), (number, tags) in nodes.items():
+        lines += tagged(f"node id='{number}' version='1' visible='true' lat='{lat:.9f}' lon='{lon:.9f}'", tags)
+    for number, refs, tags in ways:
+        lines += tagged(f"way id='{number}' version='3'", tags, [f"    <nd ref='{ref}'/>" for ref in refs])
+    lines += ["  <relation id='9'>", "    <member type='way' ref='1' role='outer'/>", "    <tag k='type' v='site'/>"]
+    path = folder / f"indoor_{seed}.osm"
+    path.write_text("\n".join([*lines, "  </relation>", "</osm>", ""]), encoding="utf-8")
+    return Stranger(truth, [path], loose, heights=False, aligned=False)
+
+
+def imdf(seed, folder):
+    """An archive of IMDF with the features that the specification demands, and some that it allows."""
+    rng = random.Random(seed)
+    truth = building(seed)
+    shared = rng.random() < 0.5
+    whole = rng.random() < 0.5  # A unit of stairs is the stairwell, or the flights within a room.
+    files = {name: [] for name in ("venue", "building", "footprint", "level", "unit", "opening", "fixture", "amenity")}
+    loose = []
+
+    def add(kind, shape, properties, bare=False):
+        number = str(uuid.UUID(int=rng.getrandbits(128)))
+        feature = _feature(_degrees(truth.placed(shape)), properties, id=number, feature_type=kind)
+        files[kind].append({**feature, "geometry": None} if bare else feature)
+        return number
+
+    def label(text):
+        return {"en": text}
+
+    outline = truth.storeys[0].outline
+    ordinary = {"alt_name": None, "restriction": None, "display_point": None}
+    add("venue", outline.buffer(3), {"category": "businesscampus", "name": label("Campus"), "address_id": None})
+    house = add("building", outline, {"category": "unspecified", "name": label("House"), **ordinary}, bare=True)
+    add("footprint", outline, {"category": "ground", "building_ids": [house], "name": None})
+    first = rng.choice([0, 0, -1])
+    for k, storey in enumerate(truth.storeys):
+        ordinal = {"ordinal": k + min(first, 0), "short_name": label(str(k)), "building_ids": [house], "outdoor": False}
+        about = {"category": "unspecified", "name": label(storey.name), **ordinal, **ordinary}
+        level = add("level", storey.outline, about)
+        rooms, walls = _shared(storey) if shared else ({r.name: r.polygon for r in storey.rooms}, Polygon())
+        wells = [room.polygon.buffer(0.3) for room in storey.rooms if room.use == "stairs"]
+        loose.append(shapely.union_all([walls, *wells]))
+        for room in storey.rooms:
+            category = {"corridor": "walkway", "lift": "elevator", "stairs": "stairs" if whole else "room"}
+            category = category.get(room.use) or rng.choice(
+                ["office", "room", "conferenceroom", "nonpublic", "restroom"]
+            )
+            shape = rooms[room.name]
+            for stair in truth.stairs_at(k) if room.use == "stairs" and not whole else ():
+                if stair.footprint.intersects(shape):
+                    shape = shape - stair.footprint
+            about = {"category": category, "accessibility": None, "level_id": level, "name": label(room.name)}
+            add("unit", _doubled(shape, rng), {**about, **ordinary})
+        for stair in {s.well: s for s in truth.stairs_at(k)}.values() if not whole else ():
+            about = {"category": "stairs", "accessibility": None, "level_id": level, "name": None, **ordinary}
+            add("unit", stair.footprint, about)
+        for door in storey.doors:
+            shape = _onto(door, [rooms[room.name] for room in storey.rooms])
+            kind = rng.choice(["pedestrian.principal", "pedestrian"]) if door.kind == "exit" else "pedestrian"
+            door_type = {"type": rng.choice(["swinging", "sliding", "open"]), "automatic": False, "material": "wood"}
+            about = {"category": kind, "accessibility": None, "access_control": None, "door": door_type}
+            add("opening", shape, {**about, "level_id": level, "name": None, **ordinary})
+        x, y = storey.rooms[1].polygon.centroid.coords[0]
+        about = {"category": "furniture", "level_id": level, "anchor_id": None, "name": None, **ordinary}
+        add("fixture", box(x, y, x + 0.5, y + 0.5), about)
+        about = {"category": "seating", "unit_ids": [], "name": None, "correlation_id": None}
+        add("amenity", Point(x, y), about)
+    path = folder / f"imdf_{seed}.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("manifest.json", json.dumps({"version": "1.0.0", "created": "2020-01-01", "language": "en"}))
+        archive.writestr("address.geojson", json.dumps({"type": "FeatureCollection", "features": []}))
+        for name, features in files.items():
+            top = {"type": "FeatureCollection", "name": name, "features": features}
+            archive.writestr(f"{name}.geojson", json.dumps(top))
+    return Stranger(truth, [path], loose, heights=False, aligned=False)
