@@ -66,16 +66,9 @@ def _lines(building: Building, states: list[list[tuple[float, bool]]]) -> Iterab
         walls = building.walls[building.wall_level == level.index]
         if len(walls):
             yield _feature(_drawn(walls), "wall", f"walls of {level.name}", [level.name])
-    for portal in building.portals:
-        levels = [building.levels[index].name for index in portal.levels]
-        more = {"width": portal.width, **_state(states[portal.index])}
-        yield _feature(_drawn(portal.segments), "portal", portal.name, levels, **more)
-    for exit_ in building.exits:
-        more = {"width": exit_.width, **_state(states[building.link_of(exit_)])}
-        yield _feature(_drawn(exit_.segments), "exit", exit_.name, [building.levels[exit_.level].name], **more)
-    for door, own in zip(building.doors, states[building.n_links :], strict=True):
-        more = {"width": door.width, **_state(own)}
-        yield _feature(_drawn(door.segment), "door", door.name, [building.levels[door.level].name], **more)
+    for link, own in zip(building.links, states, strict=True):
+        levels = [building.levels[index].name for index in link.levels]
+        yield _feature(_drawn(link.segments), link.kind, link.name, levels, width=link.width, **_state(own))
 
 
 def _state(states: list[tuple[float, bool]]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from evac.analysis.maps import KERNEL_RADIUS, SPACING, Grid
 from evac.analysis.measures import joined, records
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError, counted
-from evac.building.model.building import Building, Exit, Level, Portal
+from evac.building.model.building import Building, Exit, Level, Link, Portal
 from evac.trajectory.trajectory import Trajectory
 
 #: Threshold of the density [1/m2], and share of the evacuation time for which it must be exceeded, from
@@ -275,14 +275,15 @@ def _places(
     if level.index in stair_of:
         return [f"on stair {stair_of[level.index]!r}"], np.zeros(len(position), np.int64), 0.0
 
-    def beyond(portal: Portal) -> str:
-        other = portal.other(level.index)
+    def beyond(link: Link) -> str:
+        if not isinstance(link, Portal):
+            return f"{link.kind} {link.name!r}"
+        other = link.other(level.index)
         return f"stair {stair_of[other]!r}" if other in stair_of else f"level {building.levels[other].name!r}"
 
-    links = [(f"before exit {exit_.name!r}", exit_.segments) for exit_ in building.exits_of(level.index)]
-    links += [(f"before {beyond(portal)}", portal.segments) for portal in building.portals_of(level.index)]
-    doors = [door for door in building.doors if door.level == level.index]
-    links += [(f"before door {door.name!r}", door.segment.reshape(1, 4)) for door in doors]
+    own = [link for link in building.links if level.index in link.levels]
+    own.sort(key=lambda link: not isinstance(link, Exit))
+    links = [(f"before {beyond(link)}", link.segments) for link in own]
     if not links:
         return [f"on level {level.name!r}"], np.zeros(len(position), np.int64), 0.0
     points = shapely.points(position)

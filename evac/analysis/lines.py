@@ -222,10 +222,10 @@ def _of_link(
 ) -> LineFlow:
     if isinstance(link, Exit):
         return LineFlow(
-            "exit", link.name, (link.level,), link.segments, link.width, ("out", "in"), person, time, forward
+            link.kind, link.name, link.levels, link.segments, link.width, ("out", "in"), person, time, forward
         )
     names = [building.levels[index].name for index in link.levels]
-    what = "portal", link.name, link.levels, link.segments, link.width, (f"to {names[1]}", f"to {names[0]}")
+    what = link.kind, link.name, link.levels, link.segments, link.width, (f"to {names[1]}", f"to {names[0]}")
     return LineFlow(*what, person, time, forward)
 
 
@@ -244,11 +244,10 @@ def _recorded(trajectory: Trajectory) -> list[LineFlow]:
         """Return the levels as a graph whose edges are open links, with their numbers as keys; -1 is outside."""
         now, graph = replace(building, closed=closed), networkx.MultiDiGraph()
         graph.add_nodes_from(range(-1, len(now.levels)))
-        for portal in filter(now.is_open, now.portals):
-            for pair in (portal.levels, portal.levels[::-1]):
-                graph.add_edge(*pair, key=portal.index)
-        for exit_ in filter(now.is_open, now.exits):
-            graph.add_edge(exit_.level, -1, key=now.link_of(exit_))
+        for number, link in enumerate(links):
+            ends = link.levels if isinstance(link, Portal) else (link.level, -1)
+            for pair in (ends, ends[::-1])[: len(link.levels)] if now.is_open(link) else ():
+                graph.add_edge(*pair, key=number)
         return graph
 
     @cache
@@ -264,7 +263,7 @@ def _recorded(trajectory: Trajectory) -> list[LineFlow]:
             path = paths(closed, int(level[k - 1, person])).get(int(level[k, person]), [])
             for source, target in pairwise(path):
                 link = min(ways(closed)[source][target], key=lambda row: float(lines[row].distance(place)))
-                forward = target < 0 or links[link].levels[0] == source  # type: ignore[union-attr]
+                forward = target < 0 or links[link].levels[0] == source
                 passages[link].append((time, person, forward))
     return [
         _of_link(
@@ -281,7 +280,7 @@ def _recorded(trajectory: Trajectory) -> list[LineFlow]:
 def _crossed(trajectory: Trajectory) -> list[LineFlow]:
     """Return the passages through doors and lines, from recorded positions."""
     building = trajectory.building
-    lines = [("door", door.name, door.level, door.segment, door.width) for door in building.doors]
+    lines = [(door.kind, door.name, door.level, door.segment, door.width) for door in building.doors]
     for place in building.places:
         if place.kind == "line":
             ends = shapely.get_coordinates(place.shape).ravel()

@@ -11,10 +11,13 @@ from evac.base.errors import is_one_line
 #: Least share of their speeds at which people walk in a slow area; areas that nobody shall enter are barred.
 LEAST_SHARE = 0.01
 
+#: Value of a change that closes a link for bodies alone, so that ways lead through it and people wait.
+BODIES = "bodies"
+
 #: What the value of each kind of change may be.
 REMEDIES = {
     "open": "no value",
-    "close": "no value",
+    "close": f'no value, or "{BODIES}" for bodies alone',
     "one_way": '"up", "down", "in", "out", the name of the level or area ahead, or false for both directions',
     "slow": f"a share of the speed from {LEAST_SHARE:g} to 1",
     "bar": "no value, or false to lift it",
@@ -27,6 +30,8 @@ def is_legal(kind: str, value: Any) -> bool:
     """Return whether a value can belong to a change of a kind; None means that it has none."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     match kind:
+        case "close":
+            return value in (None, BODIES)
         case "one_way":
             return value is False or _is_text(value)
         case "slow":
@@ -91,7 +96,7 @@ class Change:
         value, ends = self.values.get("value"), self.values.get("value") is False
         done = {
             "open": "opened",
-            "close": "closed",
+            "close": "closed for bodies alone" if value == BODIES else "closed",
             "one_way": "two-way" if ends else f"one-way, {value},",
             "slow": f"at {value} of the speed",
             "bar": "free" if ends else "barred",

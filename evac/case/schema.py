@@ -547,6 +547,7 @@ class EventSettings(Table):
         "",
     )
     value: Annotated[Switch | Real | str | tuple[str, ...] | None, WrapValidator(_or_as_given)] = key(
+        '`close`: "bodies" if ways still lead through, so that people wait before it, as at a turnstile; '
         '`one_way`: for portals and stairs "up", "down" or the name of the level to which they lead, for exits "in" or '
         '"out", for doors the name of an area on the side to which they lead; false for both directions; `slow`: the '
         "relative speed, 1 to end it; `bar`: false to end it; `strategy`: the name of a strategy, or a list of exits "

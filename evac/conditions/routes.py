@@ -56,7 +56,7 @@ class RoutesInSmoke(Saved):
 
     def update(self, now: float, scene: "Scene") -> bool:
         """Solve the routes again where smoke has changed at a time of the run [s]; return whether any was solved."""
-        self._version = scene.version
+        self._version = scene.ways_version
         began = time.process_time()
         self._find_nodes(scene.building, scene.fields)
         smoky: Smoky | None = scene.smoky

@@ -22,7 +22,7 @@ STEP, BINS = 1.0, 300
 
 
 class Gates(Saved):
-    """Gates of a building: its portals and exits by link index, then its doors.
+    """Gates of a building: its links, by their numbers.
 
     Attributes
     ----------
@@ -39,8 +39,7 @@ class Gates(Saved):
     def __init__(self, grids: BuildingGrids) -> None:
         building = grids.building
         self.at = np.full(grids.size, -1, np.int32)
-        rows = building.portals, building.exits, building.doors
-        width = np.array([one.width for row in rows for one in row])
+        width = np.array([link.width for link in building.links])
         flow = np.full(len(width), THROUGH_DOORS)
         for portal in building.portals:
             if any(building.levels[level].climb.any() for level in portal.levels):
@@ -48,9 +47,9 @@ class Gates(Saved):
         self._capacity = width * flow
         reach = 0.501 * grids.lattice.spacing  # which no path avoids
         for grid in grids.levels:
-            for number, door in enumerate(building.doors, building.n_links):
+            for door in building.doors:
                 if door.level == grid.level:
-                    self.at[grid.nodes_near(door.segment.reshape(1, 4), reach)] = number
+                    self.at[grid.nodes_near(door.segments, reach)] = building.link_of(door)
             for index, (ours, _) in grid.seams.items():
                 self.at[ours] = index
         self.people, self.queues = np.zeros((len(width), BINS)), np.ones((len(width), BINS))

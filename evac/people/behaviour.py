@@ -323,6 +323,11 @@ class BehaviourScene:
         """Number of changes of the scene so far."""
         return self.scene.version
 
+    @property
+    def ways_version(self) -> int:
+        """Number of those of them that changed the fields."""
+        return self.scene.ways_version
+
 
 def contact_radius(
     behaviours: Iterable[Behaviour], group: str, settings: Mapping[str, Any], radius: FloatArray

@@ -222,7 +222,7 @@ class Population(Saved):
             "mingled": Bounds(0, 1),
             "contact_force": Bounds(0.0),
             "arrival_time": Bounds(0.0, nan=True),
-            "passing": Bounds(-1, building.n_closable - 1),
+            "passing": Bounds(-1, len(building.links) - 1),
             "ahead": Bounds(-1.0, 1.0),
             "firmness": Bounds(1.0),
         }

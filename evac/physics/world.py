@@ -26,10 +26,10 @@ def make_world(building: Building, fields: Fields) -> World:
     segment, start, to, link = _links(building)
     # Every link is also a wall, which is absent while the link is open: closed doors are walls.
     link_level = np.repeat(np.arange(count), np.diff(start))
-    doors = np.array([door.segment for door in building.doors], dtype=np.float64).reshape(-1, 4)
+    doors = np.concatenate([np.zeros((0, 4)), *(door.segments for door in building.doors)])
     door_level = np.array([door.level for door in building.doors], dtype=np.int32)
     walls = np.concatenate([building.walls.reshape(-1, 4), doors, segment])
-    link_open = np.ones(building.n_closable, np.uint8)
+    link_open = np.ones(len(building.links), np.uint8)
     link_open[list(building.closed)] = 0
     wall_level = np.concatenate([building.wall_level, door_level, link_level]).astype(np.int32)
     # Only people on levels at most two portals apart can touch each other.
@@ -50,7 +50,7 @@ def make_world(building: Building, fields: Fields) -> World:
         link_to=to,
         link_id=link,
         link_open=link_open,
-        link_from=np.full(building.n_closable, -1, np.int32),
+        link_from=np.full(len(building.links), -1, np.int32),
         doors=len(doors),
         uphill=np.array([level.climb for level in building.levels], dtype=np.float64).reshape(count, 2),
         cosine=np.cos([level.slope for level in building.levels]),

@@ -18,7 +18,7 @@ from matplotlib.text import Text
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.building.model.building import Building, Level, Place
+from evac.building.model.building import Building, Exit, Level, Place, Portal
 from evac.building.model.marks import marks_of
 from evac.building.model.storeys import level_of, storeys
 from evac.pictures import palette
@@ -136,24 +136,20 @@ def draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_fill
             _draw_place(axes, place)
     walls = building.walls[np.isin(building.wall_level, rows)]
     axes.add_collection(LineCollection(_ends(walls), colors=palette.EDGE, linewidths=1.1, zorder=3))
-    for portal in building.portals:
-        if set(portal.levels) & set(rows):
-            is_open = building.is_open(portal)
-            style = {"colors": palette.PORTAL if is_open else palette.CLOSED, "linewidths": 0.8 if is_open else 2.5}
-            dashes = (0, (2, 2)) if is_open else "solid"
-            axes.add_collection(LineCollection(_ends(portal.segments), linestyles=dashes, zorder=3, **style))
-            if has_widths:
-                beside(axes, portal.segments, f"{portal.width:.2f} m", palette.EDGE, size=6.5)
-    for number, door in enumerate(building.doors, start=building.n_links):
-        if number in building.closed and door.level in rows:
-            shut = LineCollection(_ends(door.segment), colors=palette.CLOSED, linewidths=2.5, zorder=4)
-            axes.add_collection(shut)
-    for exit_ in building.exits:
-        if exit_.level in rows:
-            colour = palette.EXIT if building.is_open(exit_) else palette.CLOSED
-            axes.add_collection(LineCollection(_ends(exit_.segments), colors=colour, linewidths=3.5, zorder=4))
-            name = f"{building.label_of(exit_)}{f' {exit_.width:.2f} m' if has_widths else ''}"
-            beside(axes, exit_.segments, name, colour, size=8.5, weight="bold")
+    for link in (link for link in building.links if not {*link.levels}.isdisjoint(rows)):
+        is_open, lines = building.is_open(link), _ends(link.segments)
+        width = f"{link.width:.2f} m" if has_widths else ""
+        if isinstance(link, Exit):
+            colour = palette.EXIT if is_open else palette.CLOSED
+            axes.add_collection(LineCollection(lines, colors=colour, linewidths=3.5, zorder=4))
+            beside(axes, link.segments, f"{building.label_of(link)} {width}".strip(), colour, size=8.5, weight="bold")
+        elif not is_open:
+            axes.add_collection(LineCollection(lines, colors=palette.CLOSED, linewidths=2.5, zorder=4))
+        elif isinstance(link, Portal):
+            dashed = LineCollection(lines, colors=palette.PORTAL, linewidths=0.8, linestyles=(0, (2, 2)), zorder=3)
+            axes.add_collection(dashed)
+        if isinstance(link, Portal) and width:
+            beside(axes, link.segments, width, palette.EDGE, size=6.5)
 
 
 def _draw_conditions(axes: Axes, building: Building, rows: Sequence[int]) -> None:

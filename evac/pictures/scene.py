@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.building.model.building import Building, Exit, Level, Place
+from evac.building.model.building import Building, Exit, Level, Link, Place
 from evac.building.model.elevation import on_level, triangles_on
 from evac.building.model.marks import furniture_of, marks_of
 from evac.pictures import palette
@@ -170,16 +170,10 @@ class _Scene:
         for level in self.levels:
             if level.slope == 0.0 and (tops := furniture_of(level)):
                 self._add_flat(level.index, shapely.multipolygons(tops), palette.FURNITURE, 1.0, WALL_HEIGHT)
-        for exit_ in building.exits:
-            if exit_.level in self.rows:
-                self._add_ribbon(exit_.segments, exit_.level, self._colour_of(exit_))
-        for portal in building.portals:
-            shown = [level for level in portal.levels if level in self.rows]
-            if shown and not building.is_open(portal):
-                self._add_ribbon(portal.segments, shown[0], palette.CLOSED)
-        for number, door in enumerate(building.doors, start=building.n_links):
-            if number in building.closed and door.level in self.rows:
-                self._add_ribbon(door.segment.reshape(1, 4), door.level, palette.CLOSED)
+        for link in building.links:
+            shown = [level for level in link.levels if level in self.rows]
+            if shown and (isinstance(link, Exit) or not building.is_open(link)):
+                self._add_ribbon(link.segments, shown[0], self._colour_of(link))
         for mark in marks_of(building):
             if mark.level in self.rows:
                 self._add_flat(mark.level, mark.shape, palette.CLOSED, MARK_OPACITY[mark.kind])
@@ -200,8 +194,8 @@ class _Scene:
         """Return column, row and nearness (n, 3) [pixels] of points in plan (n, 2) on a level."""
         return self.project(np.full(len(plan), level, np.int32), on_level(self.building, level, plan))
 
-    def _colour_of(self, exit_: Exit) -> str:
-        return palette.EXIT if self.building.is_open(exit_) else palette.CLOSED
+    def _colour_of(self, link: Link) -> str:
+        return palette.EXIT if self.building.is_open(link) else palette.CLOSED
 
     def _add_flat(self, level: int, shape: BaseGeometry, colour: str, opacity: float, lift: float = ABOVE) -> None:
         """Add a shape in plan, at a height above the ground of a level."""

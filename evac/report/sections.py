@@ -53,8 +53,8 @@ def building_section(run: Results | None) -> Section:
             for e in in_order(building.exits)
         ],
         doors=_alike(
-            (levels[door.level].name, fixed(door.width, 2), states[building.n_links + k], door.name)
-            for k, door in in_order(enumerate(building.doors), lambda item: item[1].name)
+            (levels[door.level].name, fixed(door.width, 2), states[building.link_of(door)], door.name)
+            for door in in_order(building.doors)
         ),
         areas=_alike(
             (levels[area.level].name, fixed(area.polygon.area, 1), area.name)

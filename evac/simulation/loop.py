@@ -94,7 +94,7 @@ class Loop:
         simulation, crowd = self._simulation, self._simulation.population.crowd
         scene, tick = simulation.scene, simulation.step // self._settings.steps_per_tick
         routes = None if simulation.exposure is None else simulation.exposure.routes
-        if routes is not None and routes.is_due(tick, scene.version) and routes.update(simulation.time, scene):
+        if routes is not None and routes.is_due(tick, scene.ways_version) and routes.update(simulation.time, scene):
             simulation.ending.begin_anew()  # progress is then towards other ways
         if (quickest := scene.quickest) is not None and quickest.is_due(tick, self._settings.tick):
             quickest.update(crowd.level, crowd.position, crowd.route, crowd.contact_radius)

@@ -67,7 +67,7 @@ class Scene(Saved):
     places : Places, optional
         The refuges and assembly areas.
     solve : callable, optional
-        ``solve(building) -> Fields``, called when a portal or exit has opened or closed.
+        ``solve(building) -> Fields``, called with `Building.for_ways` when it has changed.
     settings : Settings, optional
         Of the strategy "quickest"; without them its directions do not follow the crowd.
 
@@ -108,6 +108,7 @@ class Scene(Saved):
         self.time = 0.0
         self.changes: list[Change] = []
         self.shared_scene = shared_scene
+        self.ways_version = 0
         self._has_begun = self._has_ended = False
         self._waiting: list[Change] = []
         self._new_ways: list[int] = []
@@ -140,7 +141,10 @@ class Scene(Saved):
 
     @property
     def version(self) -> int:
-        """Number of changes so far. Code that caches derived data must compare versions at each tick."""
+        """Number of changes so far. Code that caches data about the scene must compare versions at each tick.
+
+        `ways_version` is the number of those that changed the ways: what follows from fields alone compares it.
+        """
         return len(self.changes)
 
     @cached_property
@@ -317,7 +321,7 @@ class Scene(Saved):
     def _set_open(self, link: int) -> None:
         """Set the flags of a link in the world."""
         directed = self.building.directed
-        if link < self.building.n_links:
+        if len(self.building.links[link].levels) == 2:
             self.world.link_from[link] = directed.get(link, -1)
         set_open(self.world, link, 2 if link in directed else link not in self.building.shut)
 
@@ -339,9 +343,10 @@ class Scene(Saved):
         for link in before.closed ^ building.closed | {link for link, _ in before.one_way ^ building.one_way}:
             self._set_open(link)
         self.keep_doorway_open()
-        if self._solve is not None:
-            self.fields = self._own_fields(self._solve(building))
+        if self._solve is not None and building.for_ways.condition != before.for_ways.condition:
+            self.fields = self._own_fields(self._solve(building.for_ways))
             self.world.fields = self.fields.packed
+            self.ways_version += 1
         return on_lines
 
 
@@ -349,7 +354,7 @@ def begin_to_leave(building: Building, fields: Fields, crowd: Crowd, links: Iter
     """Mark the people whose bodies are on the lines of links that close."""
     found: list[int] = []
     for link in sorted(links):
-        levels, segments = line_of(building, link)
+        levels, segments = building.links[link].levels, building.links[link].segments
         _release(crowd, link)
         there = np.flatnonzero(np.isin(crowd.level, levels) & ~crowd.ahead.any(axis=1))
         nearest, distance, outward = _nearest_points(segments, crowd.position[there])
@@ -360,7 +365,7 @@ def begin_to_leave(building: Building, fields: Fields, crowd: Crowd, links: Iter
             for place in (crowd.position[rows], nearest)
         )
         is_first = crowd.level[rows] == levels[0]
-        if link >= building.n_links:  # a door between rooms of one level: the side is that of the position
+        if len(levels) == 1:  # the side is that of the position
             is_first = _side_of(crowd.position[rows], nearest, outward) == 0
         sense = np.where(is_first == (on_line < here), 1.0, -1.0)
         crowd.passing[rows] = link
@@ -373,11 +378,11 @@ def begin_to_leave(building: Building, fields: Fields, crowd: Crowd, links: Iter
 def turn_round(building: Building, crowd: Crowd, links: Mapping[int, int]) -> None:
     """Let people leave the lines of links that get one direction, to their side, if they are behind these."""
     for link, origin in links.items():
-        levels, segments = line_of(building, link)
+        levels, segments = building.links[link].levels, building.links[link].segments
         _release(crowd, link)
         rows = np.flatnonzero(np.isin(crowd.level, levels) & ~crowd.ahead.any(axis=1)).astype(np.int32)
         nearest, distance, outward = _nearest_points(segments, crowd.position[rows])
-        is_door = link >= building.n_links
+        is_door = len(levels) == 1
         where = _side_of(crowd.position[rows], nearest, outward) if is_door else crowd.level[rows]
         is_on = (distance < extent(crowd, rows, *outward.T)) & (where != origin)
         crowd.passing[rows[is_on]] = link
@@ -388,8 +393,8 @@ def turn_round(building: Building, crowd: Crowd, links: Mapping[int, int]) -> No
 def let_pass(building: Building, crowd: Crowd) -> None:
     """Let people through doors of one direction who are before them, without directing them."""
     for link, side in sorted(building.directed.items()):
-        if link >= building.n_links:
-            levels, segments = line_of(building, link)
+        if len(building.links[link].levels) == 1:
+            levels, segments = building.links[link].levels, building.links[link].segments
             rows = np.flatnonzero((crowd.level == levels[0]) & (crowd.passing < 0)).astype(np.int32)
             nearest, distance, outward = _nearest_points(segments, crowd.position[rows])
             is_before = _side_of(crowd.position[rows], nearest, outward) == side
@@ -400,7 +405,7 @@ def clear_doorways(building: Building, crowd: Crowd) -> set[int]:
     """Direct the people whom links let through, and release those who have left the line; return the links in use."""
     used = set()
     for link in np.unique(crowd.passing[crowd.passing >= 0]).tolist():
-        _, segments = line_of(building, link)
+        segments = building.links[link].segments
         rows = np.flatnonzero(crowd.passing == link).astype(np.int32)
         nearest, distance, outward = _nearest_points(segments, crowd.position[rows])
         is_before = np.einsum("ij,ij->i", crowd.ahead[rows], nearest - crowd.position[rows]) > 0.0
@@ -417,17 +422,6 @@ def doorway_warning(change: Change) -> str:
     people = change.values["let_through"]
     names = ", ".join(map(str, people[:MOST_NAMED])) + (", ..." if len(people) > MOST_NAMED else "")
     return f"{change}: {counted(len(people), 'person', 'people')} on its line let through: {names}"
-
-
-def line_of(building: Building, link: int) -> tuple[tuple[int, ...], FloatArray]:
-    """Return the levels of a link and its segments (s, 4) [m], with the inside of the first level on their left."""
-    if link < len(building.portals):
-        return building.portals[link].levels, building.portals[link].segments
-    if link >= building.n_links:
-        door = building.doors[link - building.n_links]
-        return (door.level,), door.segment.reshape(1, 4)
-    way_out = building.exits[link - len(building.portals)]
-    return (way_out.level,), way_out.segments
 
 
 def _release(crowd: Crowd, link: int) -> None:

@@ -86,7 +86,7 @@ def test_lines_and_doors_are_passed_where_and_when_they_are(written):
     position = [[[x, 3.0], [x, 5.5], [x, 3.0]] for x in np.array(out) + 0.25]
     trajectory = written(position, [[0, 0, 4]] * len(out))
     line = Place("line", "line", 0, LineString([(3.0, 1.0), (3.0, 5.0)]))
-    door = Door("door between", 0, np.array([5.0, 2.0, 5.0, 4.0]), 2.0)
+    door = Door(0, "door between", 0, np.array([5.0, 2.0, 5.0, 4.0]), 2.0)
     trajectory = replace(trajectory, building=replace(trajectory.building, places=(line,), doors=(door,)))
     flows = line_flows(trajectory)
     assert flows["line"].time.tolist() == pytest.approx([1.75, 8.25])

@@ -77,7 +77,7 @@ def test_a_door_within_a_level_holds_the_queue_before_it(drawing):
     drawing.exit("end", level, (12.0, 0.0), (12.0, 4.0))
     building, crowd = drawing.build(), crowd_in(3.0, 0.1, 5.9, 3.9, 0.3)
     waits = []
-    for doors in ((), (Door("door", 0, np.array([6.0, 1.5, 6.0, 2.5]), 1.0),)):
+    for doors in ((), (Door(0, "door", 0, np.array([6.0, 1.5, 6.0, 2.5]), 1.0),)):
         quickest = quickest_in(replace(building, doors=doors), clearance=0.25, floor=0.5)
         update(quickest, crowd)
         waits.append(quickest.fields.travel_time_at(0, np.array([[3.0, 2.0]]), 0, 0.2)[0])

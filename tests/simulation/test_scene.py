@@ -217,3 +217,34 @@ def test_a_run_ends_where_no_change_is_to_come_in_time(corridor):
     for change in [(0, "close", "west"), (0, "close", "east"), (60.0, "open", "east")]:
         simulation.scene.apply(evac.Change(*change))
     assert simulation.run().ended == "no progress"
+
+
+def test_people_wait_before_a_link_that_is_closed_for_bodies_alone(room):
+    """A turnstile at the only exit that the group uses: no field is solved again, and nobody looks for another way."""
+    case = room.change({"people.people.exits": ["front"], "behaviours.route_choice": False})
+    simulation, resumed = Simulation(case), Simulation(case)
+    fields, crowd, scene = simulation.fields, simulation.population.crowd, simulation.scene
+    scene.apply(evac.Change(0.0, "close", "front", {"value": "bodies"}))
+    ticks(simulation, 40)
+    assert (crowd.level == 0).all()
+    assert np.hypot(*(crowd.position - (5.0, 1.75)).T).max() < 3.0  # they have come before it
+    for _ in range(4):  # it opens for a tick in every two seconds
+        out = int((crowd.level < 0).sum())
+        scene.set_open("front", True)
+        ticks(simulation, 1)
+        scene.apply(evac.Change(scene.time, "close", "front", {"value": "bodies"}))
+        ticks(simulation, 19)
+        assert (crowd.level < 0).sum() - out <= 3  # as many as stand side by side on its line of 1.5 m
+    assert 4 <= (crowd.level < 0).sum() < 16
+    assert (crowd.exit_used[crowd.level < 0] == 0).all()
+    assert scene.fields is fields
+    assert (scene.version, scene.ways_version) == (9, 0)
+    assert not scene.building.is_open(scene.building.exits[0])
+    assert scene.building.for_ways.is_open(scene.building.exits[0])
+    resumed.restore(simulation.state())
+    for one in (simulation, resumed):
+        one.scene.set_open("front", True)
+        ticks(one, 5)
+    assert_same_bits(simulation, resumed)
+    scene.set_open("front", False)
+    assert scene.ways_version == 1

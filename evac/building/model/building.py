@@ -1,9 +1,10 @@
 """Data model of a building: levels, portals, exits, areas, walls. All classes are immutable."""
 
 from collections.abc import Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from shapely.geometry.base import BaseGeometry
@@ -72,7 +73,7 @@ class Portal:
     Attributes
     ----------
     index : int
-        Row in ``Building.portals``, and link index.
+        Row in ``Building.portals``.
     name : str
     levels : (int, int)
         Indices of the two levels that it joins.
@@ -82,6 +83,7 @@ class Portal:
         Total length of its segments [m].
     """
 
+    kind: ClassVar[str] = "portal"
     index: int
     name: str
     levels: tuple[int, int]
@@ -105,7 +107,7 @@ class Exit:
     Attributes
     ----------
     index : int
-        Row in ``Building.exits``; `Building.link_of` gives its link index.
+        Row in ``Building.exits``.
     name : str
     level : int
     segments : (s, 4) float64
@@ -114,11 +116,17 @@ class Exit:
         Total length of its segments [m].
     """
 
+    kind: ClassVar[str] = "exit"
     index: int
     name: str
     level: int
     segments: FloatArray
     width: float
+
+    @property
+    def levels(self) -> tuple[int]:
+        """Return its level."""
+        return (self.level,)
 
 
 @dataclass(frozen=True)
@@ -127,6 +135,8 @@ class Door:
 
     Attributes
     ----------
+    index : int
+        Row in ``Building.doors``.
     name : str
     level : int
     segment : (4,) float64
@@ -135,10 +145,26 @@ class Door:
         Clear width [m].
     """
 
+    kind: ClassVar[str] = "door"
+    index: int
     name: str
     level: int
     segment: FloatArray
     width: float
+
+    @property
+    def levels(self) -> tuple[int]:
+        """Return its level."""
+        return (self.level,)
+
+    @property
+    def segments(self) -> FloatArray:
+        """Return its segment, (1, 4) [m]."""
+        return self.segment.reshape(1, 4)
+
+
+#: What people pass and what can be closed: they have `kind`, `index`, `name`, `levels`, `segments` and `width`.
+Link = Portal | Exit | Door
 
 
 @dataclass(frozen=True)
@@ -213,7 +239,7 @@ class Place:
 class Building:
     """The fixed geometry of a case: levels, portals, exits, areas and walls.
 
-    Portals and exits together are called links; link indices number the portals first, then the exits.
+    Portals, exits and doors are links, which have their numbers in this order.
 
     Attributes
     ----------
@@ -235,10 +261,12 @@ class Building:
     findings : tuple of Finding
         Warnings and other facts that do not prevent a run, with their places.
     closed : frozenset of int
-        Indices of links that are closed and act as walls, and of closed doors: `n_links` plus their place in `doors`.
+        Numbers of links that are closed and act as walls.
     one_way : frozenset of (int, int)
-        Links and doors that are passed in one direction only, each with where they are passed from: portals with the
-        level, exits with their level or -1, from outside, and doors with the side of their segment, 0 for the left.
+        Links that are passed in one direction only, each with where they are passed from: portals with the level, exits
+        with their level or -1, from outside, and doors with the side of their segment, 0 for the left.
+    awaited : frozenset of int
+        Links through which ways lead even while they are closed or of the other direction: people wait before them.
     slowed : frozenset of (str, float)
         Areas, or levels, in which people walk at a share of their speeds, each with this share.
     barred : frozenset of str
@@ -265,6 +293,7 @@ class Building:
     slowed: frozenset[tuple[str, float]] = frozenset()
     barred: frozenset[str] = frozenset()
     places: tuple[Place, ...] = ()
+    awaited: frozenset[int] = frozenset()
 
     def __repr__(self) -> str:
         exits = ", ".join(exit_.name for exit_ in self.exits) or "none"
@@ -299,41 +328,48 @@ class Building:
     @property
     def condition(self) -> Hashable:
         """All that changes of a scene can change: equal for buildings that are the same at two times of a run."""
-        return self.closed, self.one_way, self.slowed, self.barred
+        return self.closed, self.one_way, self.slowed, self.barred, self.awaited
+
+    @cached_property
+    def for_ways(self) -> "Building":
+        """The building in which ways are planned: the links at which people wait are open."""
+        others = frozenset(one for one in self.one_way if one[0] not in self.awaited)
+        return replace(self, closed=self.closed - self.awaited, one_way=others, awaited=frozenset())
 
     @property
     def has_areas_to_heed(self) -> bool:
         """Whether there are slow or barred areas."""
         return bool(self.slowed or self.barred)
 
+    @cached_property
+    def links(self) -> tuple[Link, ...]:
+        """The portals, exits and doors, each at the place of its number."""
+        return *self.portals, *self.exits, *self.doors
+
     @property
     def n_links(self) -> int:
         """Number of portals and exits."""
         return len(self.portals) + len(self.exits)
 
-    @property
-    def n_closable(self) -> int:
-        """Number of portals, exits and doors between rooms, which can be closed; doors are numbered after the links."""
-        return self.n_links + len(self.doors)
+    def link_of(self, link: Link) -> int:
+        """Return the number of a portal, exit or door."""
+        before = {"portal": 0, "exit": len(self.portals), "door": self.n_links}
+        return before[link.kind] + link.index
 
-    def link_of(self, exit_: Exit) -> int:
-        """Return the link index of an exit. The link index of a portal is its `index`."""
-        return len(self.portals) + exit_.index
-
-    @property
+    @cached_property
     def shut(self) -> frozenset[int]:
-        """The closed links and doors, and the exits through which people only come in."""
+        """The closed links, and the exits through which people only come in."""
         return self.closed | {link for link, origin in self.one_way if origin < 0}
 
-    @property
+    @cached_property
     def directed(self) -> dict[int, int]:
         """The open portals and doors of one direction, with the level or side from which they are passed."""
         exits = range(len(self.portals), self.n_links)
         return {link: origin for link, origin in self.one_way if link not in self.closed and link not in exits}
 
-    def is_open(self, link: Portal | Exit) -> bool:
-        """Return whether people inside can pass a portal or an exit."""
-        return (link.index if isinstance(link, Portal) else self.link_of(link)) not in self.shut
+    def is_open(self, link: Link) -> bool:
+        """Return whether people inside can pass a portal, exit or door."""
+        return self.link_of(link) not in self.shut
 
     def lets_in(self, way: Exit) -> bool:
         """Return whether people outside can pass an exit."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from evac.base.change import Change
+from evac.base.change import BODIES, Change
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
 from evac.building.geometry import connected_components
@@ -16,13 +16,10 @@ from evac.building.model.findings import Finding
 
 def links_named(building: Building, name: str) -> frozenset[int]:
     """Return the links of an exit or portal with a given name, or the portals of a stair."""
-    links = {building.link_of(way) for way in building.exits if way.name == name}
-    links |= {portal.index for portal in building.portals if portal.name == name}
-    links |= {building.n_links + index for index, door in enumerate(building.doors) if door.name == name}
+    links = {number for number, link in enumerate(building.links) if link.name == name}
     links |= {portal.index for level in building.stairs.get(name, ()) for portal in building.portals_of(level)}
     if not links:
-        known = [way.name for way in building.exits] + [way.name for way in building.portals] + [*building.stairs]
-        known += [door.name for door in building.doors]
+        known = [*(link.name for link in building.links), *building.stairs]
         raise BuildingError(
             f"{building.source}: no exit, portal, stair or door is named {name!r}; {did_you_mean(name, known)}"
         )
@@ -44,23 +41,20 @@ def _origin(building: Building, link: int, towards: str) -> int:
     Of portals and stairs, the direction is ``"up"`` or ``"down"``, or the name of the level to which the portal leads;
     of exits, ``"in"`` or ``"out"``; of doors, the name of an area on the side to which they lead.
     """
-    if link >= building.n_links:
-        return _side_from(building, building.doors[link - building.n_links], towards)
-    if link >= len(building.portals):
-        way = building.exits[link - len(building.portals)]
+    way = building.links[link]
+    if isinstance(way, Door):
+        return _side_from(building, way, towards)
+    if isinstance(way, Exit):
         if towards not in ("in", "out"):
             raise BuildingError(f"{building.source}: exit {way.name!r} does not lead to {towards!r}; use 'in' or 'out'")
         return way.level if towards == "out" else -1
-    portal = building.portals[link]
-    ends = {building.levels[level].name: portal.other(level) for level in portal.levels}
+    ends = {building.levels[level].name: way.other(level) for level in way.levels}
     if towards in ("up", "down"):
-        low, high = sorted(portal.levels, key=lambda k: building.levels[k].z_min + building.levels[k].z_max)
+        low, high = sorted(way.levels, key=lambda k: building.levels[k].z_min + building.levels[k].z_max)
         return low if towards == "up" else high
     if towards not in ends:
         known = ", ".join(map(repr, ("up", "down", *ends)))
-        raise BuildingError(
-            f"{building.source}: portal {portal.name!r} does not lead to {towards!r}; use one of {known}"
-        )
+        raise BuildingError(f"{building.source}: portal {way.name!r} does not lead to {towards!r}; use one of {known}")
     return ends[towards]
 
 
@@ -88,7 +82,9 @@ def changed(building: Building, change: Change) -> Building:
         case "open" | "close":
             links = links_named(building, change.what)
             is_open = change.kind == "open"
-            after = replace(building, closed=building.closed - links if is_open else building.closed | links)
+            closed = building.closed - links if is_open else building.closed | links
+            awaited = building.awaited | links if value == BODIES else building.awaited - links
+            after = replace(building, closed=closed, awaited=awaited)
         case "one_way":
             links = links_named(building, change.what)
             others = {one for one in building.one_way if one[0] not in links}
@@ -138,7 +134,7 @@ def states_of(building: Building, changes: Iterable[Change]) -> list[list[tuple[
     Returns a list of (float, bool) for each link, portals first: whether it is open at the start, with time 0, and
     each time [s] at which that changes.
     """
-    states = [[(0.0, link not in building.closed)] for link in range(building.n_closable)]
+    states = [[(0.0, link not in building.closed)] for link in range(len(building.links))]
     for change in changes:
         after = building_at(building, [change], change.time)
         for link in after.closed ^ building.closed:

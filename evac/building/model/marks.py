@@ -7,7 +7,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.building.model.building import Building, Level
+from evac.building.model.building import Building, Door, Level, Portal
 
 #: Outline of an arrow of 1 m that points along x from the origin [m].
 ARROW = np.array([[0.0, -0.06], [0.62, -0.06], [0.62, -0.2], [1.0, 0.0], [0.62, 0.2], [0.62, 0.06], [0.0, 0.06]])
@@ -41,19 +41,13 @@ def marks_of(building: Building) -> list[Mark]:
 
 def _arrow(building: Building, link: int, origin: int) -> Mark:
     """Return the arrow of a link: across a door, or up to or from the line of others, on their flattest level."""
-    if link >= building.n_links:
-        door = building.doors[link - building.n_links]
-        segment = door.segment if origin == 0 else door.segment[[2, 3, 0, 1]]
-        return Mark("one_way", door.level, _pointing(segment, -0.5))
-    if link >= len(building.portals):
-        way = building.exits[link - len(building.portals)]
-        level, segments, leads_out = way.level, way.segments, origin == way.level
-    else:
-        portal = building.portals[link]
-        level = min(portal.levels, key=lambda index: building.levels[index].slope)
-        segments, leads_out = portal.segments_from(level), origin == level
-    segment = segments[len(segments) // 2]
-    return Mark("one_way", level, _pointing(segment, -1.0) if leads_out else _pointing(segment[[2, 3, 0, 1]], 0.0))
+    way = building.links[link]
+    level = min(way.levels, key=lambda index: building.levels[index].slope)
+    segments = way.segments_from(level) if isinstance(way, Portal) else way.segments
+    leads_out = origin == (0 if isinstance(way, Door) else level)
+    segment = segments[len(segments) // 2][[0, 1, 2, 3] if leads_out else [2, 3, 0, 1]]
+    begin = -0.5 if isinstance(way, Door) else -1.0 if leads_out else 0.0
+    return Mark("one_way", level, _pointing(segment, begin))
 
 
 def _pointing(segment: FloatArray, begin: float) -> BaseGeometry:

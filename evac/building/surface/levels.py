@@ -387,10 +387,10 @@ def find_doors(surface: Surface, levels: tuple[Level, ...]) -> tuple[Door, ...]:
         near = shapely.get_coordinates(shapely.shortest_line(level.polygon, point))[::2]
         height = level_elevation(surface.vertices, level, near)
         off[row] = shapely.distance(level.polygon, point) + np.abs(height - middle[:, 2])
-    doors = []
+    doors: list[Door] = []
     for (name, ends), on in zip(surface.doors, off.argmin(axis=0).tolist(), strict=True):
         segment = ends[:, :2].ravel()
-        doors.append(Door(name, on, segment, float(np.hypot(*(segment[2:] - segment[:2])))))
+        doors.append(Door(len(doors), name, on, segment, float(np.hypot(*(segment[2:] - segment[:2])))))
     return tuple(doors)
 
 

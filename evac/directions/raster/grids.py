@@ -129,16 +129,14 @@ def build_grids(building: Building, spacing: float, clearance: float, barred: fl
     barred : float
         Gaps, portals and exits narrower than this are treated as closed [m]. The windows do not depend on it.
     """
-    narrow = {portal.index for portal in building.portals if portal.width < barred}
-    narrow |= {building.link_of(exit_) for exit_ in building.exits if exit_.width < barred}
+    narrow = {k for k, link in enumerate(building.links[: building.n_links]) if link.width < barred}
     whole, building = building, replace(building, closed=building.closed | narrow)
     x_min, y_min = building.vertices[:, :2].min(axis=0)
     lattice = Lattice((float(x_min), float(y_min)), spacing)
     lasting = [_walls_of(building, level, barred) for level in building.levels]
     doors = [_doors_of_one_direction(building, level.index) for level in building.levels]
     walls = [
-        np.concatenate([own, *(door.segment.reshape(1, 4) for door, _ in some)])
-        for own, some in zip(lasting, doors, strict=True)
+        np.concatenate([own, *(door.segments for door, _ in some)]) for own, some in zip(lasting, doors, strict=True)
     ]
     # Strips behind exits are as deep as the clearance, so that paths pass the posts of an exit as those of any door.
     margin = _margin(spacing, clearance)
@@ -201,10 +199,8 @@ def _depth(portal: Portal, spacing: float) -> float:
 def _walls_of(building: Building, level: Level, barred: float) -> FloatArray:
     """Return the walls of a level, including closed portals and exits and gaps that are treated as closed."""
     parts = [building.walls[building.wall_level == level.index].reshape(-1, 4)]
-    parts += [portal.segments for portal in building.portals_of(level.index) if not building.is_open(portal)]
-    parts += [exit_.segments for exit_ in building.exits_of(level.index) if not building.is_open(exit_)]
-    closed = [door for k, door in enumerate(building.doors) if building.n_links + k in building.closed]
-    parts += [door.segment.reshape(1, 4) for door in closed if door.level == level.index]
+    closed = [link for link in building.links if level.index in link.levels and not building.is_open(link)]
+    parts += [link.segments for link in closed]
     parts.append(gaps_below(level.polygon))
     if barred > 0.0:
         parts.append(gaps_between_walls(building, level, barred))
@@ -214,8 +210,8 @@ def _walls_of(building: Building, level: Level, barred: float) -> FloatArray:
 def _doors_of_one_direction(building: Building, level: int) -> list[tuple[Door, int]]:
     """Return the open doors of one direction on a level, each with the side from which it is passed."""
     sides = building.directed
-    doors = [(door, sides.get(number)) for number, door in enumerate(building.doors, building.n_links)]
-    return [(door, side) for door, side in doors if door.level == level and side is not None]
+    doors = [(door, sides.get(building.link_of(door))) for door in building.doors if door.level == level]
+    return [(door, side) for door, side in doors if side is not None]
 
 
 def _passages(window: Window, sheet: IntArray, doors: list[tuple[Door, int]]) -> IndexArray:
