@@ -33,7 +33,7 @@ async function start() {
   const canvas = by("view"), camera = new Camera(), stage = new Stage(canvas, record.people);
   const labels = new Labels(by("labels"), record, layout);
   const panel = new Panel(record, series, layout, people);
-  const atFirst = { time: record.begin, speed: 1, quantity: "group", view: "3d", storey: -1, layer: airs[0] ?? "plain", service: "", highlighted: null, hasPaths: false, clip: WHOLE };
+  const atFirst = { time: record.begin, speed: 1, quantity: motion.dose.length ? "dose" : "group", view: "3d", storey: -1, layer: airs[0] ?? "plain", service: "", highlighted: null, hasPaths: false, clip: WHOLE };
   const state = { ...atFirst, isPlaying: false, spread: 1, selected: null, isFollowed: false, measuring: "", pixels: MOST_PIXELS, took: 0 };
   const timeLine = new TimeLine(findEvents(record, series), record, (time) => act.seek(time));
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
@@ -257,10 +257,10 @@ async function start() {
       density.update(now);
       if (isNow) stage.setLayer(density, density.bytes, true);
     }
-    if (airs.includes(state.layer)) stage.setLayer(density, smoke.layer(state.layer, now.frame, people.scaleOf(state.layer, "")), false);
+    if (airs.includes(state.layer)) stage.setLayer(density, smoke.layer(state.layer, now.frame, people.scaleOf(state.layer, "")), true);
     people.update(now, layout, state.quantity, state.service, state.highlighted, state.selected);
     if (state.isFollowed) goAlong(now);
-    stage.draw(camera, people, { ...look, ...layout.boxInPicture(), layer: state.isLayered ? 1 : 0, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
+    stage.draw(camera, people, { ...look, ...layout.boxInPicture(), layer: state.isLayered ? 1 : 0, isSmoky: state.layer === AIR[0], shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
     labels.update(camera, building, selectedPlace(), eventPlace(), people, density, wide, tall);
     updateScale(camera, tall);
     if (film) paint(film.page);

@@ -43,17 +43,18 @@ layout(location = 0) in vec3 place;
 out vec3 spot;
 layout(location = 1) in vec2 texel;
 layout(location = 2) in vec2 tone;  // kind of the level, true height
+uniform float lift;
 out vec2 cell;
 out vec2 shade;
 void main() {
   cell = texel;
   shade = tone;
   spot = place;
-  gl_Position = view * vec4(place, 1.0);
+  gl_Position = view * vec4(place + vec3(0.0, 0.0, lift), 1.0);
 }`, HEAD + CLIP + `
 uniform vec3 floors[3];
 uniform sampler2D values, scale;
-uniform float layer, cover;
+uniform float layer, cover, sheet;
 in vec2 cell;
 in vec2 shade;
 out vec4 colour;
@@ -69,6 +70,10 @@ void main() {
   float share = cover;
   if (layer > 0.5) {
     vec4 heat = texture(scale, vec2(texture(values, cell).r * 0.996 + 0.002, 0.5));
+    if (sheet > 0.0) {  // of smoke, above the floor
+      colour = vec4(heat.rgb, 1.0) * heat.a * sheet;
+      return;
+    }
     base = mix(base, heat.rgb, heat.a);
     share = max(cover, heat.a);
   }

@@ -2,6 +2,7 @@
 
 const WALL_HEIGHT = 0.4;  // Low enough to look over [m].
 const DESK_HEIGHT = 0.45;
+const SHEETS = [[0.9, 0.25], [1.5, 0.4], [2, 0.25]];  // Smoke above floors: heights [m], and how much each hides.
 const EXIT_HEIGHT = 1.3;
 const COVER = { floor: 0.3, solid: 0.45 };  // How much what is above hides of what is below.
 const UNITS = { bodies: 0, tints: 1, values: 2, scale: 3 };  // Of textures.
@@ -114,7 +115,7 @@ class Stage {
   }
 
   // Draws one storey over the other from below, so that floors and walls are translucent. `look` has the colours of the
-  // theme, whether there is a layer on the floors, and whether there are shadows.
+  // theme, whether there is a layer on the floors, whether it is smoke, and whether there are shadows.
   draw(camera, people, look) {
     const { gl, canvas } = this;
     gl.viewport(0, 0, canvas.width, canvas.height);
@@ -131,7 +132,7 @@ class Stage {
     people.parts.forEach((part, storey) => {
       if (!this.meshes[`floor ${storey}`].count) return;
       gl.depthMask(false);
-      this.use(this.floor, { cover: isOpaque ? 1 : COVER.floor });
+      this.use(this.floor, { cover: isOpaque ? 1 : COVER.floor, lift: 0, sheet: 0 });
       this.show(`floor ${storey}`);
       this.drawPeople(part, look.shadows);
       this.use(this.solid, { cover: isOpaque ? 1 : COVER.solid });
@@ -139,6 +140,10 @@ class Stage {
       gl.depthMask(false);
       this.use(this.glow);
       this.show(`glow ${storey}`);
+      if (look.isSmoky && !isFlat) for (const [lift, sheet] of SHEETS) {
+        this.use(this.floor, { lift, sheet });
+        this.show(`floor ${storey}`);
+      }
       gl.depthMask(true);
       isOpaque = isFlat;
     });

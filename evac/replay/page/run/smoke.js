@@ -18,11 +18,15 @@ class Smoke {
     this.extinction = Float32Array.from({ length: 256 }, (_, code) => -Math.log(1 - Math.min(code, 254) / 255) / this.depth);
     this.greatest = this.extinction[this.states.reduce((most, codes) => codes.reduce((a, b) => Math.max(a, b), most), 0)];
     this.bytes = new Uint8Array(density.bytes.length);
-    this.cellOf = new Int32Array(density.bytes.length).fill(-1);  // Of each place of the layers.
+    this.places = [];  // Of the layers: the place, the four cells around it, and how far it is from the first one, as a share of a cell.
     building.levels.forEach((_, level) => {
-      const { x, y, nx, ny, left, low } = density.grids[level];
+      const { x, y, nx, ny, left, low } = density.grids[level], [, , columns, rows] = this.grids[level];
       for (let j = 0; j < ny; j++) for (let i = 0; i < nx; i++) {
-        this.cellOf[(y + j) * density.width + x + i] = this.cell(level, left + (i + 0.5) * density.cell, low + (j + 0.5) * density.cell);
+        const [px, py] = [left + (i + 0.5) * density.cell, low + (j + 0.5) * density.cell], half = this.size / 2;
+        const first = this.cell(level, px - half, py - half), column = (first - this.first[level]) % columns, row = Math.floor((first - this.first[level]) / columns);
+        const right = column + 1 < columns ? 1 : 0, up = row + 1 < rows ? columns : 0, within = (value) => Math.max(0, Math.min(1, value));
+        const [x0, y0] = [this.grids[level][0] + (column + 0.5) * this.size, this.grids[level][1] + (row + 0.5) * this.size];
+        this.places.push([(y + j) * density.width + x + i, first, right, up, within((px - x0) / this.size), within((py - y0) / this.size)]);
       }
     });
   }
@@ -44,12 +48,15 @@ class Smoke {
 
   // What the layer of a quantity shows: 0 where the floor is seen through thin air, or further than the scale goes.
   layer(quantity, frame, { top }) {
-    const shown = Uint8Array.from(this.extinction, (value) => {
+    const shown = (value) => {
       const share = this.of(quantity, value) / top;
       return quantity === "visibility" && share >= 1 ? 0 : Math.max(value > 0 ? 1 : 0, Math.min(255, 255 * share));
-    });
-    const codes = this.states[frame];
-    for (let k = 0; k < this.bytes.length; k++) this.bytes[k] = this.cellOf[k] < 0 ? 0 : shown[codes[this.cellOf[k]]];
+    };
+    const codes = this.states[frame], at = (cell) => this.extinction[codes[cell]];
+    for (const [place, cell, right, up, u, v] of this.places) {
+      const below = (1 - u) * at(cell) + u * at(cell + right), above = (1 - u) * at(cell + up) + u * at(cell + up + right);
+      this.bytes[place] = shown((1 - v) * below + v * above);
+    }
     return this.bytes;
   }
 }
