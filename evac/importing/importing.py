@@ -19,8 +19,10 @@ from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.plan import Plan
 from evac.building.plan.plantable import plan_of_building, plan_text, table_of
 from evac.building.surface.build import building_of, clean
+from evac.building.surface.foreign import turned
 from evac.building.surface.meshfile import tagged_surface, write_surface
-from evac.building.surface.surfacemesh import SurfaceMesh
+from evac.building.surface.resolution import likely_unit
+from evac.building.surface.surfacemesh import SurfaceMesh, checked
 from evac.contract.registry import Registry
 from evac.folder.digests import digest_of_file
 from evac.folder.files import RUNNING, mark, read_manifest
@@ -250,9 +252,13 @@ class _Draft:
         else:
             self.kept.pop("weld", None)
             mesh = read.surface() if isinstance(read, Plan) else read
+            unit, why = (
+                (1.0, "") if "scale" in own.model_fields_set else likely_unit(turned(checked(source, mesh), own.up))
+            )
+            own = own.model_copy(update={"scale": unit * own.scale})
             surface = clean(mesh, source, own)
             building = building_of(surface, source, need_exit=False)
-            self._told = list(building.findings)
+            self._told = [*building.findings, *([Finding("assumed", why)] if why else [])]
             self.openings = [(name, own.scale * np.asarray(ends)) for name, ends in mesh.openings]
             try:
                 plan = plan_of_building(building)

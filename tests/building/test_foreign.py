@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac import BuildingError, read_building
+from evac import BuildingError, import_building, read_building
 
 RISER, GOING = 3.0 / 18, 0.28
 
@@ -89,6 +89,34 @@ def test_y_upwards_is_turned(house, tmp_path):
 def test_without_headroom_solid_slabs_are_refused_with_a_place(house, tmp_path):
     with pytest.raises(BuildingError, match=r"\(\d+\.\d\d, \d+\.\d\d"):
         house.read(tmp_path, headroom=0.0, treads=False)
+
+
+@pytest.mark.parametrize(
+    ("unit", "height", "thick", "slabs", "scale"),
+    [
+        (1.0, 2.6, 0.2, (), 1.0),
+        (1 / 0.3048, 2.6, 0.15, (), 0.3048),
+        (1 / 0.3048, 3.5, 0.3, (3.5,), 0.3048),
+        (1.0, 8.5, 0.3, (), 1.0),  # a hall
+        (1.0, 8.5, 0.4, (2.7, 5.5), 1.0),  # walls over three storeys
+    ],
+)
+def test_feet_are_recognised_by_the_heights_of_storeys_and_the_thickness_of_walls(
+    tmp_path, unit, height, thick, slabs, scale
+):
+    model = Model()
+    for x in (0, 6, 12):
+        model.box(x, 0, 0, x + thick, 8, height)
+    for z in (0, *slabs):
+        model.box(0, 0, z - 0.2, 12, 8, z)
+    turn = np.array([[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1]]) * unit
+    lines = ["v " + " ".join(map(repr, point)) for point in (np.array(model.points) @ turn).tolist()]
+    lines += ["f " + " ".join(str(corner + 1) for corner in face) for face in model.faces]
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    made = import_building([tmp_path / "a.obj"], tmp_path / "case", partial=True)
+    ground = sum(level.polygon.area for level in made.building.levels if level.z_min < 1.0)
+    assert ground == pytest.approx(12 * 8 * (unit * scale) ** 2, rel=0.1)
+    assert bool([one for one in made.findings if "(scale)" in one.text]) == (scale != 1.0)
 
 
 def test_a_bare_surface_is_left_as_it_is(tmp_path):
@@ -205,4 +233,8 @@ def test_walls_that_share_corners_with_their_slabs_are_cut_out(tmp_path):
     model.faces = [[index[model.points[corner]] for corner in face] for face in model.faces]
     model.points = list(index)
     ground = [("floor", z, area) for z in (0.0, 3.0) for area in (23.2, 33.64)]
-    assert sorted(levels(model.read(tmp_path))) == [*ground, ("floor", 6.0, 60.0)]
+    model.box(1, 1, 0, 3, 2, 0.6)  # a table
+    building = model.read(tmp_path)
+    ground[0] = ("floor", 0.0, 21.2)
+    assert sorted(levels(building)) == ground  # and no roof
+    assert [one.place[2] for one in building.findings if one.kind == "left out"][-1] == 0.6

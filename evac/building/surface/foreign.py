@@ -7,9 +7,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.base.arrays import BoolArray, FloatArray
-from evac.base.errors import BuildingError
-from evac.building.geometry import GRID, flat_parts, least_height, place_of
+from evac.base.arrays import BoolArray, FloatArray, IndexArray
+from evac.base.errors import BuildingError, counted
+from evac.building.geometry import GRID, connected_components, flat_parts, least_height, place_of
 from evac.building.model.findings import Finding
 from evac.building.options import SurfaceOptions
 from evac.building.surface.patches import Patch, bodies, closed_bodies, patches_of
@@ -20,6 +20,8 @@ from evac.building.surface.welding import weld_points
 TOUCHING = 0.02
 #: Minimum area [m2] and width [m] of ground on a body; smaller faces are tops of walls or furniture.
 LEAST_TOP, NARROWEST_TOP = 1.0, 0.6
+#: Least height of walls and guard rails above a floor [m].
+RAIL = 0.8
 #: Largest vertical distance of faces of a body that is searched [m].
 HIGHEST = 1e3
 #: Faces whose slopes differ by less than this do not cross, but touch.
@@ -79,6 +81,8 @@ def walked_surface(
     if has_bodies:
         solid = set(body[steep].tolist())
         after, notes = _walked_on(before, solid, closed_bodies(cells, body) & solid, headroom)
+        after, more = _reached(after, before, solid, _Upright(vertices, cells[steep], body[steep]))
+        notes = notes + more
     if has_treads:
         after, more = _with_flights(after, headroom)
         notes = notes + more
@@ -126,15 +130,67 @@ def _walked_on(
     if low_area:
         text = f"{low_area:.2f} m2 of floor with less headroom than {headroom:g} m; the first part is here (headroom)"
         notes.append(Finding("left out", text, place=places[0]))
-    beside = _beside(free)
-    is_top = [_is_top(part) and not any(_is_step(part, free[j]) for j in beside[k]) for k, part in enumerate(free)]
-    if any(is_top):
-        first = free[is_top.index(True)]
-        place = place_of(first.plan)
-        text = f"{sum(is_top)} faces too small for floors, such as tops of walls and furniture; the first one is here"
-        notes.append(Finding("left out", text, place=(*place, float(first.height(np.array([place]))[0]))))
-    kept = [part for part, top in zip(free, is_top, strict=True) if not top]
-    return [patch for patch in patches if patch.body not in solid] + kept, notes
+    return [patch for patch in patches if patch.body not in solid] + free, notes
+
+
+class _Upright:
+    """Upright cells of a mesh: which parts of it have walls."""
+
+    def __init__(self, points: FloatArray, triangles: IndexArray, body: IndexArray) -> None:
+        corners = points[triangles]
+        self._foot = corners[:, :, 2].min(axis=1)
+        top = np.full(int(body.max()) + 1, -np.inf)
+        np.maximum.at(top, body, corners[:, :, 2].max(axis=1))
+        self._top = top[body]
+        self._tree = shapely.STRtree(shapely.linestrings(corners[:, [0, 1, 2, 0], :2]))
+
+    def stand_on(self, parts: Sequence[Patch]) -> BoolArray:
+        """Return which level parts (n,) have faces of walls, columns or guard rails that stand on them."""
+        plans, z = [part.plan for part in parts], np.array([part.z for part in parts])
+        part, cell = self._tree.query(plans, predicate="dwithin", distance=APART)
+        stands = (np.abs(self._foot[cell] - z[part]) < MOST_RISER / 2) & (self._top[cell] > z[part] + RAIL)
+        found = np.zeros(len(parts), dtype=bool)
+        found[part[stands]] = True
+        return found & [part.is_flat for part in parts]
+
+
+def _reached(
+    parts: list[Patch], before: Sequence[Patch], solid: set[int], upright: _Upright
+) -> tuple[list[Patch], list[Finding]]:
+    """Return the parts without those that nobody reaches by steps: tops of walls and furniture, and roofs.
+
+    A roof or the top of a table is above a floor with walls, and has none itself. `before`: patches before any part of
+    them was removed, since bodies that stand on a floor are cut out of it.
+    """
+    pairs = [(k, j) for k, near in enumerate(_beside(parts)) for j in near if k < j and _is_step(parts[k], parts[j])]
+    group = connected_components(len(parts), np.array(pairs, dtype=np.int64).reshape(-1, 2))
+    is_solid = np.array([part.body in solid for part in parts])
+    is_walled, is_small = upright.stand_on(parts), np.array([_is_top(part) for part in parts])
+    has_floor, has_walls = (np.zeros(len(parts), dtype=bool) for _ in range(2))
+    has_floor[group[~is_small | ~is_solid]] = has_walls[group[(is_walled & ~is_small) | ~is_solid]] = True
+    walled = {(part.body, part.z) for part, has in zip(parts, is_walled, strict=True) if has}
+    floors = [patch for patch in before if (patch.body, patch.z) in walled]
+    tree = shapely.STRtree([floor.plan for floor in floors])
+    covering, whole = np.zeros(len(parts)), np.zeros(len(parts))
+    for k in np.flatnonzero(has_floor[group] & ~has_walls[group]):
+        own = parts[k]
+        over = [own.over(floors[j], MOST_RISER, HIGHEST) for j in tree.query(own.plan)]
+        covering[group[k]] += shapely.union_all(over).area
+        whole[group[k]] += own.plan.area
+    is_roof = covering > 0.5 * whole
+    notes = []
+    for which, what in ((~has_floor[group], "too small for floors"), (is_roof[group], "without walls above a floor")):
+        rows = np.flatnonzero(which)
+        if len(rows):
+            first = parts[rows[0]]
+            x, y = place_of(first.plan)
+            area = sum(parts[row].plan.area for row in rows)
+            text = (
+                f"{counted(len(rows), 'face')} {what}, {area:.2f} m2: tops of walls, furniture or roofs, to which no "
+            )
+            text += "step leads; the first one is here"
+            notes.append(Finding("left out", text, place=(x, y, first.height_at(x, y))))
+    return [part for part, at in zip(parts, group, strict=True) if has_floor[at] and not is_roof[at]], notes
 
 
 def _beside(patches: list[Patch]) -> list[list[int]]:

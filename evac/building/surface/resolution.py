@@ -7,7 +7,9 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.base.defaults import FARTHEST, WELD
 from evac.base.errors import BuildingError
+from evac.building.geometry import plan_area
 from evac.building.model.findings import Finding
+from evac.building.surface.patches import bodies
 from evac.building.surface.surfacemesh import TriangleMesh
 
 #: Maximum extent of a building [m].
@@ -16,6 +18,8 @@ MOST_EXTENT = 1e5
 LEAST_WIDTH = 0.5
 #: Range of plausible extents of a building [m]; others cause a warning.
 SMALLEST, LARGEST = 2.0, 5e3
+#: Length of a foot, and heights and thicknesses of walls that are believed [m].
+FOOT, TALL, THICK = 0.3048, (2.1, 5.0), (0.1, 0.6)
 #: Cosine of the slope of level faces, and how much larger upright ones towards y may be before the axes are doubted.
 LEVEL, MOST_UPRIGHT = 0.998, 3.0
 #: Factors between length units that drawings and exporters confuse, the most likely first.
@@ -75,6 +79,30 @@ def check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[F
         f"metre, building.scale = {factor * scale:.4g} would make it {factor * width:.4g} x {factor * depth:.4g} m"
     )
     return [Finding("warning", text)]
+
+
+def likely_unit(mesh: TriangleMesh) -> tuple[float, str]:
+    """Return metres per unit of a mesh in metres or feet, by the bodies of its walls, and why if it is not 1."""
+    points, index = np.unique(mesh.points, axis=0, return_inverse=True)
+    cells = index.ravel()[mesh.triangles]
+    body = bodies(len(points), cells)
+    count, corners = int(body.max()) + 1, points[cells]
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(low, body, corners.min(axis=1))
+    np.maximum.at(high, body, corners.max(axis=1))
+    ground = np.bincount(body, plan_area(corners), count) / 2.0  # of a foot and a top
+    length, height = np.hypot(*(high - low)[:, :2].T), high[:, 2] - low[:, 2]
+    thick = ground / np.maximum(length, 1e-9)
+    is_wall = (thick > 1e-3) & (length > 3.0 * thick) & (height > 3.0 * thick)
+    if not is_wall.any():
+        return 1.0, ""
+    tall, thin = (float(np.median(values[is_wall])) for values in (height, thick))
+    slabs = np.unique(np.round(high[:, 2][~is_wall & (ground > 0.1 * ground.max())], 1))
+    gaps = np.diff(slabs)[np.diff(slabs) > thin * 3.0]
+    tall = min([tall, *gaps.tolist()])
+    if not all(low <= size * FOOT <= high for size, (low, high) in ((tall, TALL), (thin, THICK))) or tall <= TALL[1]:
+        return 1.0, ""
+    return FOOT, f"1 unit is {FOOT} m: in metres, walls would be {tall:.2f} m high and {thin:.2f} m thick (scale)"
 
 
 def doubted_axis(mesh: TriangleMesh, points: FloatArray) -> list[Finding]:
