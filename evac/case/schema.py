@@ -127,6 +127,9 @@ class DirectionSettings(Table):
     )
     comfort: Real = key('weight of the time on stairs for the strategy "comfortable"', "", COMFORT, ge=1, le=1000)
     order: Literal[1, 2] = key("order of the fast marching scheme", "", ORDER)
+    costs: dict[str, Annotated[Real, Field(ge=0.0, le=1e6)]] = key(
+        "times that ways to exits and places are longer than they are walked, by name, such as waiting outside", "s", {}
+    )
     quickest: QuickestSettings = key('how the strategy "quickest" follows the crowd', "", QuickestSettings())
 
 

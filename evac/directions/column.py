@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.saved import Saved, copies_of, take, taken
-from evac.building.model.building import Exit
+from evac.building.model.building import FLAT, Area, Exit
 from evac.directions.descent import Ways, descend
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.gates import STEP, Gates
-from evac.directions.lengths import exits_of_route, make_ways, routes_at_present, strips_of
+from evac.directions.lengths import ends_of_route, exits_of_route, make_ways, routes_at_present, strips_of
 from evac.directions.march.waves import APART, FAR, FINAL, Waves, find_speeds, march_waves
 from evac.directions.pockets import Pockets
 from evac.directions.raster.grids import OWN, BuildingGrids, lead_through_doors
@@ -77,7 +77,8 @@ class Column(Saved):
         base = self._read(fields.packed)
         ways = make_ways(grids, np.zeros(0))
         slowness = marched.rates[index] / ways.cosine[:, None]
-        exits = exits_of_route(grids.building, routes_at_present(marched.building, fields.routes)[index])
+        present = routes_at_present(marched.building, fields.routes)[index]
+        exits = exits_of_route(grids.building, present)
         strips, starts = _strips_and_starts(grids, exits, base, slowness)
         joins = (grids.own_nodes | strips) & np.isfinite(base)
         of_widths, nothing = marched.classes[of_class], np.zeros(0, np.int64)
@@ -89,8 +90,9 @@ class Column(Saved):
         elsewhere, blocked = (of[np.isin(ways.level_of[of], list(self._places))] for of in (elsewhere, blocked))
         self._elsewhere = self._in_fields(elsewhere), base[elsewhere], self._direction[elsewhere]
         self._blocked = None if lower is None else (self._in_fields(blocked), lower._in_fields(blocked))
-        if marched.building.areas and not exits:  # of a route to an area, where the times are zero
-            starts |= base == 0.0
+        for end in ends_of_route(grids.building, present):
+            if isinstance(end, Area):
+                starts[grids.around(end)[0]] = True
         starts &= joins
         self._solved = joins & ~starts
         self.waves = self._make_waves(ways, slowness, joins, starts, base, float(hesitation))
@@ -99,7 +101,9 @@ class Column(Saved):
         self.stale: set[int] = set()
         self._halos = [np.flatnonzero(grids.is_ground(grid) & (grid.sheet != OWN)) for grid in grids.levels]
         self._fills = [self._fill_of(level, joins, base) for level in range(len(grids.levels))]
-        self._pockets = Pockets(grids, joins, starts, ways.source, ways.twin)
+        jumps = np.zeros(grids.size, np.bool_)  # whose nodes belong to no pocket
+        jumps[self.waves.jump_start] = jumps[self.waves.jump_end] = True
+        self._pockets = Pockets(grids, joins, starts | (jumps & joins), ways.source, ways.twin)
         for to, from_ in self._fills:
             self._pockets.of[to] = self._pockets.of[from_]
         self._empty = np.zeros_like(self._pockets.empty(np.zeros(0, np.int64)))
@@ -146,6 +150,7 @@ class Column(Saved):
             source=source,
             beside=ways.source,
             twin=twin,
+            **_jumps(grids, slowness),
             stride=ways.stride,
             uphill=ways.uphill,
             slowness=slowness,
@@ -392,11 +397,31 @@ def _strips_and_starts(
         strip = grid.offset + strips_of(grids, grid)[exit_.index]
         strips[strip] = True
         cell = grids.lattice.spacing * slowness[exit_.level].min()
+        cost = grids.building.cost_of(exit_)
         if rows := grid.strip_rows[exit_.index]:
-            starts[strip] = base[strip] <= (1.5 - rows) * cell
+            starts[strip] = base[strip] - cost <= (1.5 - rows) * cell
         else:
-            starts[grid.packed] |= base[grid.packed] <= cell
+            near = grid.nodes_near(exit_.segments, 2.0 * grids.lattice.spacing)
+            starts[near] |= np.abs(base[near] - cost) <= cell
     return strips, starts
+
+
+def _jumps(grids: BuildingGrids, slowness: FloatArray) -> dict[str, NDArray[Any]]:
+    """Return the arrays of jumps of `Waves`: from the node at the end of each to the nodes around its start."""
+    rows = []
+    for jump, area, end in grids.jumps():
+        nodes, away = grids.around(area)
+        time = jump.time + away * slowness[area.level, FLAT]
+        rows += [*zip([end] * len(nodes), nodes.tolist(), time.tolist(), strict=True)]
+    ends, starts, times = (np.array(column) for column in zip(*sorted(rows), strict=True)) if rows else ((), (), ())
+    first = np.full(grids.size if rows else 0, -1, np.int32)
+    first[np.array(ends[::-1], np.int64)] = np.arange(len(rows))[::-1]
+    return {
+        "jump_end": np.array(ends, np.int64),
+        "jump_start": np.array(starts, np.int64),
+        "jump_time": np.array(times, np.float64),
+        "first_jump": first,
+    }
 
 
 def _start_at_exits(waves: Waves, grids: BuildingGrids, exits: list[Exit], starts: BoolArray) -> None:

@@ -138,15 +138,16 @@ def strips_of(grids: BuildingGrids, grid: LevelGrid) -> dict[int, IndexArray]:
 
 
 def _lengths(grids: BuildingGrids, ways: Ways, exits: list[Exit], rates: FloatArray) -> FloatArray:
-    """Return the flat, up and down lengths (nodes, 3) of the path from each node [m]."""
+    """Return the flat, up and down lengths (nodes, 3) of the path from each node [m]; it ends where a jump starts."""
     building, cost = grids.building, ways.cost
+    is_walked = not (building.costs or building.jumps)  # so that the lengths follow from the cost
     lengths = np.full((grids.size, 3), math.inf)
     strips = {level: strips_of(grids, grids.levels[level]) for level in {exit_.level for exit_ in exits}}
     for exit_ in exits:
         behind = grids.levels[exit_.level].offset + strips[exit_.level][exit_.index]
         use = use_towards(building.levels[exit_.level], exit_.segments)
         lengths[behind] = 0.0
-        lengths[behind, use] = cost[behind] / rates[use]
+        lengths[behind, use] = (cost[behind] - building.cost_of(exit_)) / rates[use]
     node = np.flatnonzero(grids.own_nodes & np.isfinite(cost))
     node = node[np.argsort(cost[node], kind="stable")]
     add_lengths(node, ways, lengths)
@@ -160,10 +161,10 @@ def _lengths(grids: BuildingGrids, ways: Ways, exits: list[Exit], rates: FloatAr
         begins = begins if begins.size else without[:1]
         towards = np.array([uses.get(level, FLAT) for level in ways.level_of[begins].tolist()])
         lengths[begins] = 0.0
-        lengths[begins, towards] = cost[begins] / rates[towards]
+        lengths[begins, towards] = cost[begins] / rates[towards] * is_walked
         add_lengths(node, ways, lengths)
     # Lengths are of first order, the cost of second; scale the lengths so that they sum up to the cost.
-    for first in range(0, len(node), CHUNK):
+    for first in range(0, len(node), CHUNK) if is_walked else ():
         some = node[first : first + CHUNK]
         along = lengths[some] @ rates
         usable = (along > 0.0) & (cost[some] > 0.0) & np.isfinite(along)

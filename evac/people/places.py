@@ -77,13 +77,17 @@ def with_places(case: "Case", building: Building) -> Building:
             problems.append(f"{case.source}: line.{line.name}.segment: it is not on level {level.name!r}; move it")
         else:
             places.append(Place(line.name, "line", level.index, drawn))
+    ends = {way.name: way.name for way in building.exits} | {one.name: one.area for one in places if one.area}
+    for name in sorted(case.directions.costs.keys() - ends.keys()):
+        problems.append(f"{case.source}: directions.costs: no exit or place {name!r}; {did_you_mean(name, [*ends])}")
     for name in case.report.aset:
         if building.level_named(name) is None:
             hint = did_you_mean(name, [one.name for one in building.levels])
             problems.append(f"{case.source}: report.aset: no level is named {name!r}; {hint}")
     if problems:
         raise ScenarioError("\n".join(problems))
-    return replace(building, places=tuple(places))
+    costs = frozenset((ends[name], cost) for name, cost in case.directions.costs.items())
+    return replace(building, places=tuple(places), costs=costs)
 
 
 def _area(building: Building, place: "PlaceSettings") -> Place:

@@ -1,9 +1,11 @@
 """Assembly areas: who goes there, who counts as there, and events that send people on."""
 
+import pytest
 from shapely import box
 
 import evac
 from evac.analysis.congestion import find_queues
+from evac.base.errors import ScenarioError
 from evac.report.of_run import main_results
 from evac.results.answer import answer_of
 from evac.simulation.simulation import Simulation
@@ -47,6 +49,19 @@ def test_people_go_to_their_assembly_area_and_count_as_there(tmp_path):
     assert again.places == results.places
     assert main_results(again)["At assembly area 'at yard'"] == "8"
     assert answer_of(again).verdict.endswith("0 of 8 people out, 8 at a safe place")
+
+
+@pytest.mark.parametrize("far", ["at yard", "at corner"])
+def test_people_go_to_the_area_with_the_least_time_and_cost(far):
+    case = case_of(places=("yard", "corner"), rooms=(None, None), assembly=["at yard", "at corner"])
+    places = {place.name: len(place.people) for place in evac.run(case.change({"directions.costs": {far: 60}})).places}
+    assert places.pop(far) == 0
+    assert [*places.values()] == [8]
+
+
+def test_costs_of_what_does_not_exist_are_refused():
+    with pytest.raises(ScenarioError, match=r"directions\.costs: .*'yrd'.*'at yard'"):
+        evac.run(case_of().change({"directions.costs": {"yrd": 60.0}}))
 
 
 def test_who_has_arrived_waits_for_nothing(tmp_path):

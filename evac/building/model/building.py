@@ -4,7 +4,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 from shapely.geometry.base import BaseGeometry
@@ -190,6 +190,14 @@ class Area:
     people: float | None = None
 
 
+class Jump(NamedTuple):
+    """A way from one area to another one that takes a stated time, as by a lift."""
+
+    start: str  # name of an area
+    end: str
+    time: float  # from the middle of the one to that of the other [s]
+
+
 @dataclass(frozen=True)
 class Place:
     """A place with a task in the evacuation, which a case names.
@@ -275,6 +283,10 @@ class Building:
         Doors between rooms, if the source names them as plans do; empty for meshes.
     places : tuple of Place
         Refuges, assembly areas and signs of the case.
+    costs : frozenset of (str, float)
+        Exits and areas at which ways end with a cost, each with this time [s].
+    jumps : frozenset of Jump
+        Ways between levels that take a stated time; travel times count them, and whoever adds one takes people along.
     """
 
     source: Path
@@ -294,6 +306,8 @@ class Building:
     barred: frozenset[str] = frozenset()
     places: tuple[Place, ...] = ()
     awaited: frozenset[int] = frozenset()
+    costs: frozenset[tuple[str, float]] = frozenset()
+    jumps: frozenset[Jump] = frozenset()
 
     def __repr__(self) -> str:
         exits = ", ".join(exit_.name for exit_ in self.exits) or "none"
@@ -328,13 +342,17 @@ class Building:
     @property
     def condition(self) -> Hashable:
         """All that changes of a scene can change: equal for buildings that are the same at two times of a run."""
-        return self.closed, self.one_way, self.slowed, self.barred, self.awaited
+        return self.closed, self.one_way, self.slowed, self.barred, self.awaited, self.costs, self.jumps
 
     @cached_property
     def for_ways(self) -> "Building":
         """The building in which ways are planned: the links at which people wait are open."""
         others = frozenset(one for one in self.one_way if one[0] not in self.awaited)
         return replace(self, closed=self.closed - self.awaited, one_way=others, awaited=frozenset())
+
+    def cost_of(self, end: "Exit | Area") -> float:
+        """Return the cost of an exit or an area at which a way ends [s]."""
+        return dict(self.costs).get(end.name, 0.0)
 
     @property
     def has_areas_to_heed(self) -> bool:

@@ -165,14 +165,21 @@ def levels_reaching(building: Building, exits: Iterable[Exit | Area], barred: Co
         level = waiting.pop()
         leading = [portal for portal in building.portals_of(level) if building.leads_from(portal, portal.other(level))]
         more = {portal.other(level) for portal in leading if portal.index not in barred}
+        more |= {start for start, end in jumped_levels(building) if end == level}
         waiting += more - reached
         reached |= more
     return reached
 
 
+def jumped_levels(building: Building) -> list[tuple[int, int]]:
+    """Return the levels of the start and of the end of each jump."""
+    level = {area.name: area.level for area in building.areas}
+    return [(level[jump.start], level[jump.end]) for jump in building.jumps]
+
+
 def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Finding, ...]:
     """Warn of levels from which no exit can be reached, except the levels in `closed`."""
-    pairs = [portal.levels for portal in building.portals if building.is_open(portal)]
+    pairs = [portal.levels for portal in building.portals if building.is_open(portal)] + jumped_levels(building)
     part = connected_components(len(building.levels), np.array(pairs, dtype=np.int64).reshape(-1, 2))
     open_levels = {way.level for way in building.exits if building.is_open(way)}
     notes = []

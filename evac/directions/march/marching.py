@@ -8,20 +8,17 @@ import numpy as np
 import shapely
 import skfmm
 from numpy.typing import NDArray
-from shapely import maximum_inscribed_circle
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
 from evac.base.arrays import FloatArray
 from evac.building.model.building import DOWN, FLAT, UP, Area, Exit, Portal
-from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid, use_towards
+from evac.directions.raster.grids import OWN, RING, BuildingGrids, LevelGrid, use_towards
 from evac.directions.raster.lattice import SLACK
 from evac.directions.raster.strips import points_along
 
 #: Largest remaining cost difference at a portal, in units of the time per cell.
 TOLERANCE = 0.25
-#: Radius in cells of the ring around an exit at which plain fields start.
-RING = 3
 
 
 @dataclass(frozen=True)
@@ -42,7 +39,8 @@ def march(
     A level is marched from the exits on it, and from each portal behind which the cost is lower. A march from a portal
     starts at the contour of the neighbour's field at its minimum on the portal. This contour is in the halo, so that
     the wave reaches the portal as it does on the grid of the neighbour. Portals are processed in the order of this
-    minimum until the cost of no level decreases any more.
+    minimum until the cost of no level decreases any more. Ways end at an exit or an area with its cost, and at the
+    start of a jump with its time and the cost at its end.
 
     Returns
     -------
@@ -64,6 +62,8 @@ class _March:
         self.spacing = grids.lattice.spacing
         self.is_plain = metric.is_plain
         self.cost = np.full(grids.size, math.inf)
+        self.jumps = grids.jumps()
+        #: Cost, portal and level entered; instead of a portal, -1 for doors of one direction, -2 - k for jump k.
         self.pending: list[tuple[float, int, int]] = []
         #: Number of times that the cost of each level decreased.
         self.falls = [0] * len(grids.levels)
@@ -76,30 +76,35 @@ class _March:
         for grid in self.grids.levels:
             areas = [one for one in exits if isinstance(one, Area) and one.level == grid.level]
             for area in areas:
-                self._march_from_area(grid, area)
-            alike: dict[tuple[int, int], list[Exit]] = {}
+                self._march_from_area(area, self.grids.building.cost_of(area))
+            alike: dict[tuple[int, int, float], list[Exit]] = {}
             for exit_ in exits:
                 if isinstance(exit_, Exit) and exit_.level == grid.level:
                     level = self.grids.building.levels[grid.level]
                     use, rows = use_towards(level, exit_.segments), grid.strip_rows[exit_.index]
-                    alike.setdefault((use, rows), []).append(exit_)
-            for (use, rows), some in sorted(alike.items()):
-                self._march_from_exits(grid, use, rows, some)
+                    alike.setdefault((use, rows, self.grids.building.cost_of(exit_)), []).append(exit_)
+            for (use, rows, cost), some in sorted(alike.items()):
+                self._march_from_exits(grid, use, rows, cost, some)
             if alike or areas:
                 self._queue_portals(grid.level)
         while self.pending:
             _, portal, entered = heapq.heappop(self.pending)
-            if portal < 0:
+            if portal < -1:
+                self._jump(-2 - portal)
+            elif portal < 0:
                 self._march_through_doors(self.grids.levels[entered])
             else:
                 self._enter(self.grids.building.portals[portal], entered)
         return self.cost
 
     def _queue_portals(self, level: int) -> None:
-        """Add all portals of a level to the queue, in both directions, and its doors of one direction."""
+        """Add all portals of a level to the queue, in both directions, its doors of one direction, and jumps to it."""
         through = self._times_before_doors(self.grids.levels[level])
         if np.isfinite(through).any():
             heapq.heappush(self.pending, (float(through.min()), -1, level))
+        for k, (_, start_area, end) in enumerate(self.jumps):
+            if end in range(self.grids.levels[level].offset, self.grids.levels[level].packed.stop):
+                heapq.heappush(self.pending, (self._after_jump(k), -2 - k, start_area.level))
         for portal in self.grids.portals_of(level):
             if portal.index in self.barred:
                 continue
@@ -107,6 +112,20 @@ class _March:
                 start = self._start(portal, entered)
                 if start < math.inf and self.grids.building.leads_from(portal, entered):
                     heapq.heappush(self.pending, (start, portal.index, entered))
+
+    def _after_jump(self, number: int) -> float:
+        """Return the cost at the start of a jump by this jump."""
+        jump, _, end = self.jumps[number]
+        return jump.time + float(self.cost[end])
+
+    def _jump(self, number: int) -> None:
+        """March from the start of a jump, if this lowers the cost there."""
+        _, area, _ = self.jumps[number]
+        cost, slowness = self._after_jump(number), float(self.metric.slowness[area.level, FLAT])
+        nodes, away = self.grids.around(area)
+        if (cost + away * slowness < self.cost[nodes] - TOLERANCE * self.spacing * slowness).any():
+            self._march_from_area(area, cost)
+            self._queue_portals(area.level)
 
     def _start(self, portal: Portal, entered: int) -> float:
         """Return the minimum cost on a portal where the level behind has a lower cost than `entered`; inf if nowhere.
@@ -145,8 +164,8 @@ class _March:
         self._march_from_portal(self.grids.levels[level], portal, start)
         self._queue_portals(level)
 
-    def _march_from_exits(self, grid: LevelGrid, use: int, rows: int, exits: list[Exit]) -> None:
-        """March from the lines of exits whose strips have a given number of `rows`.
+    def _march_from_exits(self, grid: LevelGrid, use: int, rows: int, cost: float, exits: list[Exit]) -> None:
+        """March from the lines of exits with a given cost, whose strips have a given number of `rows`.
 
         A plain field starts at an exact ring around the lines, since the field has a kink at the ends of a line, which
         reduces the accuracy of the second-order stencil. A field with clearance starts behind the exits, half a cell
@@ -161,28 +180,27 @@ class _March:
         # At larger distances, phi is the spacing.
         distance = self._distance_from(grid, lines, behind, max(0.0, ring + self.spacing))
         distance[behind] *= -1.0
-        self._march_from_ring(grid, distance, ring, use, walkable)
+        self._march_from_ring(grid, distance, ring, use, cost, walkable)
 
-    def _march_from_area(self, grid: LevelGrid, area: Area) -> None:
-        """March from a ring around the innermost point of an area."""
-        place = maximum_inscribed_circle(area.polygon).coords[0]
-        x, y = grid.window.coordinates()
-        distance = np.hypot(x - place[0], y - place[1])
-        self._march_from_ring(grid, distance, RING * self.spacing, FLAT, self.grids.is_ground(grid))
+    def _march_from_area(self, area: Area, cost: float) -> None:
+        """March from a ring around the innermost point of an area, which has a cost."""
+        grid = self.grids.levels[area.level]
+        distance, ring = grid.distances_from(area), RING * self.spacing
+        self._march_from_ring(grid, distance, ring, FLAT, cost, self.grids.is_ground(grid))
 
     def _march_from_ring(
-        self, grid: LevelGrid, distance: FloatArray, ring: float, use: int, walkable: NDArray[np.bool_]
+        self, grid: LevelGrid, distance: FloatArray, ring: float, use: int, cost: float, walkable: NDArray[np.bool_]
     ) -> None:
-        """March from where a distance is that of a ring [m], within which the cost is that of the distance."""
+        """March from where a distance is that of a ring [m], within which that of the distance is added to a cost."""
         slowness = self.metric.slowness[grid.level, use]
         exact = walkable & (distance <= ring)
-        known = distance[exact] * slowness
+        known = cost + distance[exact] * slowness
         phi = np.subtract(distance, ring, out=distance)
         time = self._solve(grid, np.minimum(phi, self.spacing, out=phi), use, None, walkable)
         if time is None:
             # No nodes outside the ring, as on a level with few cells.
             time = np.full(phi.shape, math.inf)
-        time += ring * slowness
+        time += cost + ring * slowness
         time[exact] = known
         self._lower(grid, time)
 

@@ -34,6 +34,12 @@ class Waves(Struct):
     beside: Longs  # (nodes,) as `source`, whether portals lead there or not
     # (nodes,) node beyond a portal or a door of one direction to which the time of a node goes on, -1 for none
     twin: Longs
+    # jumps, by the node at which they end: node to which a time goes on after a time [s]; first jump of each node, -1
+    # for none, or no node if there are no jumps
+    jump_end: Longs
+    jump_start: Longs
+    jump_time: Floats
+    first_jump: Ints
     stride: Ints  # (levels,) stride along x in packed arrays
     uphill: Pairs  # (levels, 2)
     slowness: FloatGrid  # (levels, 3) time per metre in plan, by use [s/m]
@@ -291,6 +297,21 @@ def offer(waves: Waves, node: int, time: float, near: int, size: int) -> int:
     return size
 
 
+@inner
+def jump_from(waves: Waves, node: int, level: Bytes, lowered: Bytes, size: int) -> int:
+    """Let the time of a node go on by the jumps that end there; return the length of the queue."""
+    k = waves.first_jump[node]
+    while 0 <= k < waves.jump_end.shape[0] and waves.jump_end[k] == node:
+        other, time = waves.jump_start[k], waves.time[node] + waves.jump_time[k]
+        here = waves.level_of[other]
+        if waves.state[other] == FAR or waves.state[other] == QUEUED:
+            size = offer(waves, other, time, node, size)
+        elif waves.state[other] == FINAL and not level[here] and time < waves.time[other] * (1.0 - ROUNDING):
+            lowered[here] = 1
+        k += 1
+    return size
+
+
 @kernel
 def march_waves(waves: Waves, level: Bytes, needed: Bytes, missing: int, least: float, lowered: Bytes) -> None:
     """March through some levels, from the nodes that are final, until the times on all needed levels are known.
@@ -321,6 +342,10 @@ def march_waves(waves: Waves, level: Bytes, needed: Bytes, missing: int, least: 
         other = waves.twin[node]
         if other >= 0 and waves.twin[other] == node and waves.state[other] == FINAL:
             size = offer(waves, node, waves.time[other], other, size)
+    for k in range(waves.jump_end.shape[0]):
+        node, other = waves.jump_start[k], waves.jump_end[k]
+        if level[waves.level_of[node]] and waves.state[node] != APART and waves.state[other] == FINAL:
+            size = offer(waves, node, waves.time[other] + waves.jump_time[k], other, size)
     while size > 0 and (missing > 0 or waves.key[0] <= least):
         size -= 1
         node = take_first(waves, size)
@@ -347,6 +372,8 @@ def march_waves(waves: Waves, level: Bytes, needed: Bytes, missing: int, least: 
                 and waves.time[node] < waves.time[other] * (1.0 - ROUNDING)
             ):
                 lowered[waves.level_of[other]] = 1
+        if waves.first_jump.shape[0] > 0:
+            size = jump_from(waves, node, level, lowered, size)
         stride = waves.stride[here]
         for k in range(4):
             step = (stride if k < 2 else 1) * (1 - 2 * (k % 2))

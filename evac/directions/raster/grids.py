@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely import maximum_inscribed_circle
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from evac.building.model.building import DOWN, FLAT, UP, Building, Door, Exit, Level, Portal
+from evac.building.model.building import DOWN, FLAT, UP, Area, Building, Door, Exit, Jump, Level, Portal
 from evac.building.model.narrow import gaps_below, gaps_between_walls
 from evac.directions.raster.lattice import SLACK, Lattice, Window, walkable_nodes, wall_distance
 from evac.directions.raster.masks import grown, parts_of
@@ -17,6 +18,8 @@ from evac.directions.raster.strips import behind, chain, free_rows
 
 #: Values of a sheet: not walkable, the level itself, or 1 + link for nodes behind a link.
 NOTHING, OWN = -1, 0
+#: Radius in cells of the ring around an end of ways within which times are those of the distance.
+RING = 3
 #: Minimum number of nodes around a level, into its walls and behind its exits.
 MARGIN = 4
 
@@ -51,6 +54,13 @@ class LevelGrid:
     def packed(self) -> slice:
         """Slice of the level's nodes in packed arrays."""
         return slice(self.offset, self.offset + self.sheet.size)
+
+    def distances_from(self, area: Area) -> FloatArray:
+        """Return the distances (nx, ny) of the nodes from the innermost point of an area [m]."""
+        place = maximum_inscribed_circle(area.polygon).coords[0]
+        x, y = self.window.coordinates()
+        distance: FloatArray = np.hypot(x - place[0], y - place[1])
+        return distance
 
     def nodes_near(self, segments: FloatArray, reach: float) -> IndexArray:
         """Return the packed indices of the nodes within a reach [m] of segments (s, 4)."""
@@ -96,6 +106,20 @@ class BuildingGrids:
         """Return the mask (nx, ny) of the nodes of a grid on a level: own nodes and halos, but not strips."""
         ground: BoolArray = (grid.sheet != NOTHING) & (grid.sheet <= len(self.building.portals))
         return ground
+
+    def around(self, area: Area) -> tuple[IndexArray, FloatArray]:
+        """Return the nodes around the innermost point of an area and their distances from it [m], the nearest first."""
+        grid = self.levels[area.level]
+        away = grid.distances_from(area)
+        near = np.flatnonzero((away <= RING * self.lattice.spacing) & self.is_ground(grid))
+        near = near[np.argsort(away.ravel()[near], kind="stable")]
+        return grid.offset + near, away.ravel()[near]
+
+    def jumps(self) -> list[tuple[Jump, Area, int]]:
+        """Return the jumps, each with the area of its start, and the node in the middle of its end."""
+        areas = {area.name: area for area in self.building.areas}
+        jumps = sorted(self.building.jumps)
+        return [(jump, areas[jump.start], int(self.around(areas[jump.end])[0][0])) for jump in jumps]
 
     def is_beside(self, grid: LevelGrid) -> BoolArray:
         """Return the mask (nx, ny) of nodes that are not walkable, but at most `margin` nodes from one that is."""
