@@ -26,9 +26,6 @@ ORDER = 2
 #: Visibility times extinction coefficient of smoke, for things that reflect light.
 CONTRAST = 3.0
 
-#: Visibility below which a storey is commonly regarded as untenable [m].
-TENABLE = 10.0
-
 #: Least relative speed of people in a crowd, for the strategy "quickest".
 LEAST_FLOOR = 0.01
 

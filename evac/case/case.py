@@ -14,6 +14,7 @@ from evac.building.options import MOST_ITEMS
 from evac.case.schema import (
     MOST_PEOPLE,
     BuildingSettings,
+    CompartmentSettings,
     ConditionSettings,
     ContactSettings,
     DirectionSettings,
@@ -26,6 +27,7 @@ from evac.case.schema import (
     PlaceSettings,
     PluginSettings,
     ReportSettings,
+    SafetySettings,
     SimulationSettings,
     SmokeSettings,
 )
@@ -73,6 +75,10 @@ class Case(Table):
     )
     smoke: SmokeSettings = key("what people do in smoke", "", SmokeSettings())
     dose: DoseSettings | None = key("the dose that people take: a table [dose]", "", None)
+    safety: SafetySettings | None = key("when the building must have been left: a table [safety]", "", None)
+    compartment: tuple[CompartmentSettings, ...] = key(
+        "parts of the building with their criteria: a table [[compartment]] for each", "", (), max_length=MOST_ITEMS
+    )
     presets: dict[str, PeopleSettings] = key("presets for groups of people, by name", "", {})
     contact: ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(
@@ -113,6 +119,8 @@ class Case(Table):
             raise wrong("people", f"{people:,} people in all groups; use at most {MOST_PEOPLE:,}")
         if self.dose is not None and not self.conditions:
             raise wrong("dose", "the case has no gases or heat; add a table [[conditions]], or remove [dose]")
+        if self.compartment and self.safety is None:
+            raise wrong("safety", "missing; [[compartment]] needs a table [safety], for example with factor = 1.5")
         return self
 
     @property

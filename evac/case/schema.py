@@ -430,9 +430,6 @@ class ReportSettings(Table):
     project: str = key("name of the project", "", "")
     author: str = key("author of the analysis", "", "")
     date: str = key("date of the report", "", "")
-    aset: dict[str, Annotated[Real, Field(ge=0.0, le=1e6)]] = key(
-        "available safe egress time of levels, by name, for comparison with the times at which they were left", "s", {}
-    )
 
 
 class PluginSettings(Table):
@@ -680,6 +677,46 @@ class DoseSettings(Table):
     sigma: Real = key("standard deviation of the logarithm of the thresholds", "", 0.94, gt=0, le=5)
     without: tuple[Name, ...] = key(
         "quantities that the dose needs and the data lack, which are declared to have no effect", "", ()
+    )
+
+
+class CriteriaSettings(Table):
+    """Criteria of the time that is available; the first one that is met ends it."""
+
+    available: Annotated[Real, Field(ge=0, le=LONGEST_RUN)] | None = key("available time, given by hand", "s", None)
+    visibility: Annotated[Real, Field(ge=0, le=1000)] | None = key("visibility at heads that is too short", "m", None)
+    temperature: Annotated[Real, Field(ge=0, le=1000)] | None = key("temperature at heads that is too high", "C", None)
+    fed: Annotated[Real, Field(gt=0, le=100)] | None = key(
+        "dose of gases or heat that is too great: of those who stay from the start, and the own one of each person",
+        "",
+        None,
+    )
+    fic: Annotated[Real, Field(gt=0, le=100)] | None = key(
+        "fractional concentration of irritants that is too high", "", None
+    )
+    layer: Annotated[Real, Field(ge=0, le=100)] | None = key(
+        "height of the layer of smoke above the floor that is too low", "m", None
+    )
+    share: Annotated[Real, Field(ge=0, le=1)] | None = key(
+        "share of the floor on which a criterion must be met; if not given, it is enough anywhere", "", None
+    )
+
+
+class SafetySettings(CriteriaSettings):
+    """`[safety]`: criteria of all compartments; without `[[compartment]]`, each storey and each stair is one."""
+
+    factor: Real = key("safety factor: the available time should be this many times the required one", "", 1.0, ge=1)
+    percentile: Real = key("percentile of the required times of the runs of a study", "%", 95.0, gt=0, lt=100)
+
+
+class CompartmentSettings(CriteriaSettings):
+    """`[[compartment]]`: a part of the building that must be left in time; other criteria than those of `[safety]`."""
+
+    name: Name = key("name of the compartment")
+    of: tuple[Name, ...] = key("its levels, stairs and areas; if not given, that of its name", "", ())
+    without: tuple[Name, ...] = key("areas without criteria, such as that in which the fire starts", "", ())
+    everybody: Switch = key(
+        "whether all who walk in it belong to it, not only those who start in it; on a stair all do", "", False
     )
 
 

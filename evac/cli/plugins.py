@@ -64,7 +64,7 @@ def execute_plugins(arguments: argparse.Namespace) -> int:
         items = [item for item in entry["provides"] if arguments.name in (None, item["name"])]
         if items or arguments.name is None:
             where = f"{entry['source']}, {entry['origin']} {entry['version']}"
-            say(f"{entry['plugin']}  ({where})", is_bold=True)
+            say(f"{entry['plugin']}  ({where})", style="bold")
         for item in items:
             _show(item, None if arguments.name is None else registry.get(item["kind"], item["name"]))
     return 0

@@ -18,7 +18,7 @@ from evac.cli.inputs import (
     default_folder,
     note_unused_plugins,
 )
-from evac.cli.screen import height, note, notify, say, show_facts, show_table, show_warnings, wrapped
+from evac.cli.screen import STYLES, height, note, notify, say, show_facts, show_table, show_warnings, wrapped
 from evac.folder.files import ANIMATION_NAME, CHECKPOINT_NAME, REPLAY_NAME
 
 if TYPE_CHECKING:
@@ -204,29 +204,37 @@ def show_answer(results: "Results", below: int = 1) -> None:
     """Show what the run answers; on a terminal in `MOST_LINES` with as many as are shown `below`.
 
     What is cut first, to a line and then to nothing, are the title and how people move, then exits, changes and
-    remarks, and the queue; the verdict and the times never are.
+    remarks, and the queue; the verdict, who is out and the times never are.
     """
     answer, title = results.answer, results.title or Path(results.source).name
     changes = f"Changes: {', '.join(map(str, results.changes))}" if results.changes else ""
     notes = [changes, *answer.remarks, answer.queue]
-    lines = [title, answer.verdict, answer.times, *answer.exits, *notes, answer.movement]
+    lines = [answer.verdict, title, answer.outcome, answer.times, *answer.exits, *notes, answer.movement]
     lines.append(f"{answer.warnings}; --verbose shows all" if answer.warnings else "")
     heights = [height(line) for line in lines]
-    heights[0] = 1
-    first = 3 + len(answer.exits)
+    heights[1] = 1
+    first = 4 + len(answer.exits)
     of_notes = range(first, first + len(notes))
-    for least, rows in ((1, (len(lines) - 2, *range(first - 1, 2, -1), *of_notes, len(lines) - 1)), (0, of_notes)):
+    for least, rows in ((1, (len(lines) - 2, *range(first - 1, 3, -1), *of_notes, len(lines) - 1)), (0, of_notes)):
         for row in rows:
             heights[row] -= max(0, min(heights[row] - least, sum(heights) + below - MOST_LINES))
+    styles = [STYLES[results.verdict["status"]], "bold", "bold"]
     for row, (line, most) in enumerate(zip(lines, heights, strict=True)):
         if most:
-            say(line, most, is_bold=row < 2)
+            say(line, most, styles[row] if row < len(styles) else "")
 
 
 def show_results(results: "Results") -> None:
     """Show all tables: egress, exits, stairs and people left inside, then contact and wall time by phase."""
     summary = results.summary()
     _show_outcome(summary, results)
+    if results.safety is not None:
+        from evac.results.verdict import judged
+
+        columns = ("compartment", "required [s]", "available [s]", "margin [s]", "with the factor [s]")
+        keys = ("name", "required", "limit", "margin", "margin_with_factor")
+        rows = [[row[key] for key in keys] for row in judged(results.safety)]
+        show_table("Available and required times", columns, rows)
     _show_places(summary, results)
     stuck = summary["stuck"]
     rows = [(own["person"], own["level"], round(own["x"], 2), round(own["y"], 2)) for own in stuck[:MOST_LISTED]]

@@ -201,9 +201,13 @@ def show_warnings(warnings: Iterable[str]) -> None:
         note(f"warning: {warning}")
 
 
-def say(line: str, lines: int | None = None, is_bold: bool = False, indent: int = 2) -> None:
+#: Styles of verdicts by their status.
+STYLES = {"green": "bold green", "amber": "bold yellow", "red": "bold red", "none": ""}
+
+
+def say(line: str, lines: int | None = None, style: str = "", indent: int = 2) -> None:
     """Print a sentence, on a terminal with so many lines at most, of which the others hang by `indent`."""
-    console().print(Text(wrapped(line, sys.stdout, lines, indent), style="bold" if is_bold else ""), soft_wrap=True)
+    console().print(Text(wrapped(line, sys.stdout, lines, indent), style=style), soft_wrap=True)
 
 
 def height(line: str) -> int:

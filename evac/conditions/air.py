@@ -133,12 +133,9 @@ def _checked(values: FloatArray, names: Sequence[str], people: int, source: Cond
 
 
 class SmokeField:
-    """The extinction coefficient at the mean height of heads [m], on square cells of all levels.
+    """The extinction coefficient at the heads of people of a height [m], on square cells of all levels."""
 
-    `first` (k, levels) [s] is when each limit (k,) [1/m] was first exceeded somewhere on each level; NaN if it was not.
-    """
-
-    def __init__(self, air: Air, scene: "Scene", height: float, limits: FloatArray) -> None:
+    def __init__(self, air: Air, scene: "Scene", height: float) -> None:
         levels = scene.building.levels
         bounds = np.array([level.polygon.bounds for level in levels])
         area = float(np.prod(bounds[:, 2:] - bounds[:, :2] + 4.0 * SPACING, axis=1).sum())
@@ -153,14 +150,10 @@ class SmokeField:
             cells.append(first + own)
             level_of.append(np.full(len(own), level.index, np.int32))
             first += len(centres)
-        self._limits, self.first = limits, np.full((len(limits), len(levels)), np.nan)
         self._cells: IndexArray = np.concatenate(cells)
         self._level, self._place = np.concatenate(level_of), np.concatenate(places)
         self._heads: FloatArray = air.heads_at(self._level, self._place, height)
 
     def update(self, time: float) -> None:
         """Write the values at a time of the run [s]."""
-        extinction = self._air.at((NAME,), time, self._level, self._place, self._heads)[0]
-        self.values[self._cells] = extinction
-        greatest = np.maximum.reduceat(extinction, np.searchsorted(self._level, np.arange(self.first.shape[1])))
-        self.first[np.isnan(self.first) & (greatest > self._limits[:, None])] = time
+        self.values[self._cells] = self._air.at((NAME,), time, self._level, self._place, self._heads)[0]

@@ -4,11 +4,15 @@ The dose of gases and that of heat are never added. Equations and sources are th
 """
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.conditions.source import IRRITANTS
+
+if TYPE_CHECKING:
+    from evac.case.schema import DoseSettings
 
 #: Volume of air per minute [l/min], and carboxyhaemoglobin at incapacitation [%], by activity.
 ACTIVITY = {"rest": (8.5, 40.0), "light": (25.0, 30.0), "heavy": (50.0, 20.0)}
@@ -33,7 +37,24 @@ LEAST_FLUX, TOLERANCE = 2.5, 1.33
 #: Oxygen below which its lack counts [%].
 LITTLE_OXYGEN = 20.0
 
+#: Seconds of a minute: rates of doses are stated per minute.
+MINUTE = 60.0
+
 Air = Mapping[str, FloatArray]
+
+
+def dose_rates(dose: "DoseSettings", air: Air) -> FloatArray:
+    """Return the rates (2, n) of the doses of gases and of heat [1/s] in air that has at least one quantity (n,)."""
+    own = {name: values for name, values in air.items() if name not in dose.without}
+    nothing = np.zeros_like(next(iter(air.values())))
+    gas = gas_rate(dose.form, dose.activity, own) if own else nothing
+    heat = heat_rate(dose.heat, own) if dose.heat != "none" and "temperature" in own else nothing
+    return np.stack([gas, heat]) / MINUTE
+
+
+def irritant_scale(dose: "DoseSettings | None") -> Mapping[str, float]:
+    """Return the concentrations over which those of irritants are summed for a form of the dose [ppm]."""
+    return COMPROMISING if dose is not None and dose.form == "iso" else INCAPACITATING
 
 
 def gas_rate(form: str, activity: str, air: Air) -> FloatArray:

@@ -7,22 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.base.defaults import TENABLE
 from evac.base.distributions import generator_for
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.base.saved import Bounds, Saved
 from evac.building.model.building import DOWN, FLAT, UP
 from evac.conditions.air import NAME, PERIOD, Air, SmokeField
-from evac.conditions.dose import (
-    COMPROMISING,
-    COUNTED,
-    INCAPACITATING,
-    NEEDED,
-    gas_rate,
-    heat_rate,
-    irritant_concentration,
-)
+from evac.conditions.dose import COUNTED, NEEDED, dose_rates, irritant_concentration, irritant_scale
 from evac.conditions.law import SmokeLaw, share_in_smoke
 from evac.conditions.routes import RoutesInSmoke
 from evac.conditions.source import AT_ONCE, HEAD, IRRITANTS, QUANTITIES
@@ -35,9 +26,6 @@ if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.simulation.scene import Scene
 
-#: Least visibility that is distinguished from 0 [m].
-LEAST = 1e-6
-
 #: Doses above which people are counted.
 TOLD = (0.3, 1.0)
 
@@ -46,9 +34,6 @@ SERIES = ("time", "mean_gas", "greatest_gas", "mean_heat", "greatest_heat")
 
 #: Factor of the mass of people who have been stopped, whom the push of others does not move.
 FIRMNESS = 1e6
-
-#: Seconds of a minute: rates of doses are per minute.
-MINUTE = 60.0
 
 
 def quantities_needed(case: "Case", law: SmokeLaw) -> tuple[str, ...]:
@@ -99,7 +84,7 @@ class Exposure(Saved):
 
     saved = (
         *("share", "doses", "extinction", "irritants", "stopped_at"),
-        *("_rates", "_first", "_time", "_shown", "_series", "routes"),
+        *("_rates", "_time", "_shown", "_series", "routes"),
     )
 
     def __init__(self, case: "Case", scene: "Scene", crowd: Crowd, groups: Sequence[Group]) -> None:
@@ -121,8 +106,7 @@ class Exposure(Saved):
         self._series = np.zeros((0, len(SERIES)))
         self._shown = -PERIOD  # time at which the field was updated
         self.routes = RoutesInSmoke(case, air, self._law, crowd, self.stopped) if case.smoke.routes else None
-        limits = np.array([case.smoke.contrast / max(limit, LEAST) for limit in (TENABLE, case.smoke.visibility)])
-        self._field = SmokeField(air, scene, float(crowd.height.mean()), limits) if NAME in air.quantities else None
+        self._field = SmokeField(air, scene, float(crowd.height.mean())) if NAME in air.quantities else None
         self.threshold = self._thresholds(groups)
 
     def _thresholds(self, groups: Sequence[Group]) -> FloatArray:
@@ -195,9 +179,9 @@ class Exposure(Saved):
         np.isfinite(self.stopped_at, out=self.stopped)
         self.share[self.stopped], crowd.firmness[self.stopped] = 0.0, FIRMNESS
 
-    def dose(self, time: float) -> FloatArray | None:
-        """Return the greater one of the doses of each person at a time [s], (n,); None in a case without `[dose]`."""
-        return None if self._dose is None else (self.doses + self._owed(time)).max(axis=0)
+    def doses_at(self, time: float) -> FloatArray | None:
+        """Return the doses of gases and of heat at a time [s], (2, n); None in a case without `[dose]`."""
+        return None if self._dose is None else self.doses + self._owed(time)
 
     def _owed(self, time: float) -> FloatArray:
         """Return the doses (2, n) since the air was last read, at constant rates; of people who are out, up to then."""
@@ -222,13 +206,11 @@ class Exposure(Saved):
 
     def _add_doses(self, time: float, rows: IndexArray, air: Mapping[str, FloatArray]) -> None:
         """Add the doses since the last time, and stop those who reach their threshold."""
-        dose = self._dose
-        assert dose is not None
-        scale = COMPROMISING if dose.form == "iso" else INCAPACITATING
+        assert self._dose is not None
         if any(name in air for name in IRRITANTS):
-            self.irritants[rows] = np.maximum(self.irritants[rows], irritant_concentration(air, scale))
-        heat = heat_rate(dose.heat, air) if dose.heat != "none" and "temperature" in air else np.zeros(len(rows))
-        rates = np.stack([gas_rate(dose.form, dose.activity, air), heat]) / MINUTE
+            concentration = irritant_concentration(air, irritant_scale(self._dose))
+            self.irritants[rows] = np.maximum(self.irritants[rows], concentration)
+        rates = dose_rates(self._dose, air)
         before = np.where(np.isnan(self._rates[:, rows]), rates, self._rates[:, rows])
         span = 0.0 if np.isnan(self._time) else time - self._time
         gained = 0.5 * span * (before + rates)
@@ -261,7 +243,6 @@ class Exposure(Saved):
             "findings": self._findings(),
             "greatest_extinction": float(self.extinction.max(initial=0.0)),
             "routes": None if self.routes is None else self.routes.report(),
-            "levels": self._times_of_levels(),
             "doses": dict(zip(SERIES, self._series.T.tolist(), strict=True)),
             "dose": None,
         }
@@ -285,23 +266,9 @@ class Exposure(Saved):
         }
         return {"conditions": report, "exposure": exposure}
 
-    def _times_of_levels(self) -> dict[str, dict[str, float | None]]:
-        """Return for each level when the visibility fell below `TENABLE`, and below that at which people turn back."""
-        if self._field is None:
-            return {}
-        first = self._field.first
-        times = np.where(np.isnan(first), np.array(None), first).T.tolist()
-        keys = ("untenable", "turns_back")
-        return {name: dict(zip(keys, own, strict=True)) for name, own in zip(self._levels, times, strict=True)}
-
-    @property
-    def _first(self) -> FloatArray | None:
-        """When limits were first exceeded on each level [s]."""
-        return None if self._field is None else self._field.first
-
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of doses, smoke and times."""
-        times = dict.fromkeys(("stopped_at", "_rates", "_first", "_time"), Bounds(0.0, np.inf, nan=True))
+        times = dict.fromkeys(("stopped_at", "_rates", "_time"), Bounds(0.0, np.inf, nan=True))
         smoke = dict.fromkeys(("doses", "extinction", "irritants"), Bounds(0.0, np.inf))
         series = Bounds(0.0, np.inf, shape=(None, len(SERIES)))
         return times | smoke | {"share": Bounds(0.0, 1.0), "_shown": Bounds(-PERIOD, np.inf), "_series": series}

@@ -59,6 +59,7 @@ QUANTITIES = MappingProxyType(
         "formaldehyde": _ppm("formaldehyde"),
         "temperature": Quantity("C", 20.0, -273.15, 5000.0, "temperature of the air"),
         "radiation": Quantity("kW/m2", 0.0, 0.0, 1e4, "radiative flux onto a surface"),
+        "layer": Quantity("m", 1e4, 0.0, 1e4, "height of the layer of smoke above the floor"),
     }
 )
 

@@ -80,10 +80,6 @@ def with_places(case: "Case", building: Building) -> Building:
     ends = {way.name: way.name for way in building.exits} | {one.name: one.area for one in places if one.area}
     for name in sorted(case.directions.costs.keys() - ends.keys()):
         problems.append(f"{case.source}: directions.costs: no exit or place {name!r}; {did_you_mean(name, [*ends])}")
-    for name in case.report.aset:
-        if building.level_named(name) is None:
-            hint = did_you_mean(name, [one.name for one in building.levels])
-            problems.append(f"{case.source}: report.aset: no level is named {name!r}; {hint}")
     if problems:
         raise ScenarioError("\n".join(problems))
     costs = frozenset((ends[name], cost) for name, cost in case.directions.costs.items())

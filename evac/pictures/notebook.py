@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import in_order
 from evac.folder.files import REPLAY_NAME
+from evac.pictures.palette import VERDICTS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,9 +27,11 @@ def results_html(results: "Results") -> str:
     facts = {"simulated": f"{results.time:.1f} s", "contact model": results.report["model"], "seed": results.seed}
     exits = [(name, row["people"], row["last_out"], row["width"], row["flow"]) for name, row in results.exits.items()]
     answer = results.answer
-    answers = [line for line in (answer.verdict, answer.times, answer.queue, answer.movement) if line]
+    answers = [line for line in (answer.outcome, answer.times, answer.queue, answer.movement) if line]
+    colour = VERDICTS[results.verdict["status"]]
     lines = (*results.warnings, *answer.remarks, *results.quality_warnings)
     parts = [
+        f'<p style="border-left: 4px solid {colour}; padding-left: 8px"><b>{escape(answer.verdict)}</b></p>',
         f"<h4>{escape(results.title or Path(results.source).name)}</h4>",
         "<p>" + "<br>".join(map(escape, answers)) + "</p>",
         table_html((), facts.items()),

@@ -22,6 +22,7 @@ from evac.replay.motion import MotionPacker
 from evac.results.ending import DURATION_OVER, FAILED, INTERRUPTED, NO_PROGRESS
 from evac.results.reading import results_beside
 from evac.results.results import Results
+from evac.results.verdict import Verdict
 from evac.trajectory.trajectory import Trajectory
 
 
@@ -44,6 +45,8 @@ class Account:
     speed: FloatArray | None = None  # desired speed on the flat [m/s]
     response_time: FloatArray | None = None  # [s]
     longest: Queue | None = None
+    verdict: Verdict | None = None
+    safety: Mapping[str, Any] | None = None  # as summary.json has it
 
 
 def account_of_run(results: Results, error: BaseException | None = None) -> Account:
@@ -53,7 +56,7 @@ def account_of_run(results: Results, error: BaseException | None = None) -> Acco
     for index, members in enumerate(results.groups):
         group[members.rows] = index
     return Account(
-        answer=[line for line in (answer.verdict, answer.times, *answer.exits, answer.queue, answer.warnings) if line],
+        answer=[one for one in (answer.outcome, answer.times, *answer.exits, answer.queue, answer.warnings) if one],
         **_of_summary(results, error),
         groups=[members.name for members in results.groups],
         group=group,
@@ -110,6 +113,8 @@ def _of_summary(results: Results, error: BaseException | None) -> dict[str, Any]
         "facts": [(name, value) for name, value in facts if value],
         "warnings": results.warnings,
         "quality_warnings": results.quality_warnings,
+        "verdict": results.verdict,
+        "safety": results.safety,
         "banner": _banner(ended, results.time, left, people, error),
     }
 
@@ -162,10 +167,13 @@ def texts(account: Account) -> dict[str, str]:
     goes = {line: account.longest for line in account.answer if account.longest and line.endswith(str(account.longest))}
     facts = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>" for name, value in account.facts)
     warnings = _list("Quality warnings", account.quality_warnings)
+    verdict, judged = "", account.verdict
+    if judged is not None:
+        verdict = f'<p class="{judged["status"]}">{html.escape(judged["text"])}</p>'
     warnings += _list("Warnings about building and people", account.warnings)
     return {
         "banner": f'<p id="banner" class="{kind}" role="alert"{"" if banner else " hidden"}>{html.escape(banner)}</p>',
-        "answer": "".join(f"<p>{html.escape(line)}{_show(goes.get(line))}</p>" for line in account.answer),
+        "answer": verdict + "".join(f"<p>{html.escape(line)}{_show(goes.get(line))}</p>" for line in account.answer),
         "facts": facts,
         "warnings": warnings or "<h3>No warnings</h3>",
     }

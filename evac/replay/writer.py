@@ -23,10 +23,14 @@ from evac.replay.account import Account, account_of_folder, account_of_run, post
 from evac.replay.geometry import building_for_page, marks_for_page
 from evac.replay.motion import GRAIN, MOMENT, PACE, PART, MotionPacker
 from evac.results.results import Results
+from evac.results.verdict import bars
 from evac.trajectory.trajectory import Trajectory
 
 #: Largest time or length that the page gets [s or m]; a response time may be as large as a float can be.
 LARGEST = 1e9
+
+#: Greatest number of compartments with a bar, those with the least margins.
+MOST_BARS = 5
 
 #: Template, style and scripts.
 PAGE = Path(__file__).with_name("page")
@@ -138,6 +142,7 @@ def _about(account: Account, portals: int) -> dict[str, Any]:
     return {
         "title": account.title,
         "quality_warnings": account.quality_warnings,
+        "safety": bars(account.safety)[:MOST_BARS],
         "groups": account.groups,
         "colours": {
             "groups": palette.group_looks(len(account.groups)),

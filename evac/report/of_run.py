@@ -50,7 +50,9 @@ def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> 
     """Return the report of a run as a page of HTML."""
     run = read_results(folder)
     picture = figures.cover(run.trajectory) if run.trajectory else None
-    head = Head(run.title or folder.name, "Evacuation analysis: one run", banner(run), main_results(run), picture)
+    head = Head(
+        run.title or folder.name, "Evacuation analysis: one run", run.verdict, banner(run), main_results(run), picture
+    )
     margins = margins_section(run)
     sections: list[Section] = [
         building_section(run),
@@ -79,7 +81,7 @@ def main_results(run: Results) -> dict[str, object]:
     """Return the main results of a run, which open its report."""
     answer = run.answer
     return {
-        "Answer": answer.verdict,
+        "Answer": answer.outcome,
         "Evacuation": answer.times or "nobody is out",
         "Exits": "; ".join(answer.exits),
         "Queues": answer.queue or "not recorded",

@@ -22,6 +22,7 @@ from evac.folder.digests import digest_of_file
 from evac.folder.files import replacing, writing
 from evac.report.figures import Picture
 from evac.results.recordedcase import ReportTable
+from evac.results.verdict import Verdict
 
 #: Words longer than this may be broken in a line.
 LONG_WORD = re.compile(r"(\S{24})(?=\S{8})")
@@ -220,6 +221,7 @@ class Head:
 
     title: str
     kind: str  # what it is the report of
+    verdict: Verdict
     banner: str  # what makes the results incomplete; empty if nothing does
     results: Mapping[str, object]
     picture: Picture | None = None

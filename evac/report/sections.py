@@ -4,7 +4,7 @@ import base64
 import hashlib
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
@@ -17,19 +17,18 @@ from evac.analysis.lines import ExitUse, FlowUse
 from evac.analysis.maps import KERNEL_RADIUS, level_maps
 from evac.analysis.occupancy import Occupancy
 from evac.base.arrays import FloatArray
-from evac.base.defaults import TENABLE
 from evac.base.distributions import as_text
 from evac.base.errors import in_order
 from evac.base.toml import case_text
 from evac.building.model.building import Building
 from evac.building.model.links import states_of
-from evac.building.model.storeys import storeys
 from evac.pictures.scales import colouring
 from evac.report import figures
 from evac.report.pages import APPENDIX, Cell, Section, fixed, section
 from evac.results.answer import time_of_share
 from evac.results.recordedcase import CaseTable, GroupTable
 from evac.results.results import Results
+from evac.results.verdict import BY, judged
 from evac.trajectory.trajectory import Trajectory
 
 
@@ -338,7 +337,7 @@ MOST_PLACES = 10
 #: Greatest number of queues with a map and a curve, those in which people waited longest in total.
 MOST_QUEUES = 4
 
-TITLE = "Bottlenecks and congestion"
+TITLE, MARGINS = "Bottlenecks and congestion", "Available and required safe egress times"
 
 #: The maps that a report has unless others are asked for.
 MAPS = ("max_density", "waiting", "speed", "flow", "time_to_clear", "usage")
@@ -419,45 +418,27 @@ def fire_section(run: Results) -> Section:
 
 
 def margins_section(run: Results) -> Section | None:
-    """Return the section with available times, given or from smoke, beside required ones; None if there are none."""
-    given, settings = run.case_table.report.aset, run.settings
-    smoky: Mapping[str, Any] = {} if run.conditions is None else run.conditions["levels"]
-    if not given and not smoky:
+    """Return the section with available and required times by compartment; None if the case sets no limit."""
+    if run.safety is None:
         return None
-    # Of a run without a trajectory, the storeys are not known.
-    groups = [(name, [name]) for name in run.levels]
-    if run.building_or_none is not None:
-        groups = [(name, [level.name for level in levels]) for name, levels in storeys(run.building)]
-    return section(
-        "margins",
-        "Available and required safe egress times",
-        rows=[_storey(name, levels, given, smoky, run) for name, levels in groups],
-        tenable=TENABLE,
-        smoke=settings["smoke"] if smoky else None,
-    )
+    return section("margins", MARGINS, rows=safety_cells(run.safety), factor=run.safety["factor"])
 
 
-def _storey(
-    name: str, levels: Sequence[str], given: Mapping[str, float], smoky: Mapping[str, Any], run: Results
-) -> tuple[object, ...]:
-    """Return the row of a storey with its stairs: when it is untenable, when it was left, and the time between both."""
-    stated = _extreme(min, [given.get(level) for level in levels])
-    smoke = [_extreme(min, [smoky[level][key] for level in levels if smoky]) for key in ("untenable", "turns_back")]
-    available = _extreme(min, [stated, smoke[0]])
-    used = [use for use in map(run.levels.__getitem__, levels) if use["people"]]
-    is_cleared = all(use["last_left"] is not None for use in used)
-    left = _extreme(max, [use["last_left"] for use in used]) if is_cleared else None
-    margin = None if available is None or left is None else available - left
-    words = "none" if available is not None and not is_cleared else fixed(margin, 1)
-    shown = Cell(words, "bad") if words == "none" or (margin is not None and margin < 0.0) else words
-    cleared = fixed(left, 1) if is_cleared else "not cleared"
-    return name, fixed(stated, 1), *(fixed(time, 1) for time in smoke), cleared, shown
-
-
-def _extreme(of: Callable[[list[float]], float], times: Sequence[float | None]) -> float | None:
-    """Return the least or greatest of the times that are known."""
-    known = [time for time in times if time is not None]
-    return of(known) if known else None
+def safety_cells(safety: Mapping[str, Any]) -> list[tuple[object, ...]]:
+    """Return the cells of compartments to which people belong: required and available time, criterion, and margins."""
+    kinds = {"green": "good", "amber": "open", "red": "bad"}
+    return [
+        (
+            row["name"],
+            str(row["people"]),
+            (fixed(row["required"], 1) or "not left by all") + row.get("spread", ""),
+            ("at least " if row["available"] is None else "") + f"{row['limit']:.1f}",
+            BY.get(row["criterion"]),
+            *(Cell(fixed(row[name], 1) or "none", kinds[row["status"]]) for name in ("margin", "margin_with_factor")),
+            fixed(row["least_margin"], 1),
+        )
+        for row in judged(safety)
+    ]
 
 
 #: Greatest number of lines of a case that is printed, on two or three pages.

@@ -36,6 +36,7 @@ from evac.results.ending import FAILED
 from evac.results.reading import read_results
 from evac.results.recordedcase import CaseTable, Record
 from evac.results.results import Results
+from evac.results.verdict import verdict_of
 from evac.study.outputs import curves, egress, parameter_keys, quality_of
 from evac.study.statistics import Estimate, Statistics, convergence, settled
 from evac.study.study import Study
@@ -106,7 +107,8 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
     ]
     title = summary.title or folder.name
     picture = figures.cover(first.trajectory) if first is not None and first.trajectory else None
-    head = Head(title, f"Evacuation analysis: {len(rows)} runs", _banner(study), _results(study, rows), picture)
+    kind, verdict = f"Evacuation analysis: {len(rows)} runs", verdict_of(None)
+    head = Head(title, kind, verdict, _banner(study), _results(study, rows), picture)
     return page(head, labels.filled(summary.table.report), sections)
 
 

@@ -1,4 +1,4 @@
-"""The answer of a run in a few lines: who is out, when, by which exits, where people waited, and warnings."""
+"""The answer of a run in a few lines: whether it is in time, who is out, when and by which exits, queues, warnings."""
 
 import math
 from typing import TYPE_CHECKING, NamedTuple
@@ -23,6 +23,7 @@ class Answer(NamedTuple):
     """The answer of a run; each field is complete sentences without the last full stop, or empty."""
 
     verdict: str
+    outcome: str
     times: str
     exits: tuple[str, ...]
     queue: str
@@ -32,7 +33,16 @@ class Answer(NamedTuple):
 
     def lines(self) -> list[str]:
         """Return all lines that are not empty."""
-        parts = (self.verdict, self.times, *self.exits, self.queue, self.movement, *self.remarks, self.warnings)
+        parts = (
+            self.verdict,
+            self.outcome,
+            self.times,
+            *self.exits,
+            self.queue,
+            self.movement,
+            *self.remarks,
+            self.warnings,
+        )
         return [line for line in parts if line]
 
 
@@ -43,7 +53,7 @@ def answer_of(results: "Results") -> Answer:
         queue = f"Longest queue, {results.queues[0]}" if results.queues else "Nobody had to wait"
     movement = f"People do not keep distances; to change this: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
     movement = f"People keep distances ({keepers})" if keepers else movement
-    said = _verdict(results), _times(results), _exits(results), queue, movement
+    said = results.verdict["text"], _outcome(results), _times(results), _exits(results), queue, movement
     return Answer(*said, results.remarks, _warnings(results))
 
 
@@ -61,7 +71,7 @@ def time_of_share(exit_time: FloatArray, percent: float) -> float | None:
     return float(out[rank - 1]) if rank <= out.size else None
 
 
-def _verdict(results: "Results") -> str:
+def _outcome(results: "Results") -> str:
     out = f"{results.evacuated} of {counted(results.number_of_people, 'person', 'people')} out"
     if results.at_places:
         out += f", {results.at_places} at a safe place"

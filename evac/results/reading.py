@@ -23,7 +23,7 @@ from evac.folder.textfiles import checked, read_columns, read_json
 from evac.people.population import Group
 from evac.physics.state import Crowd, make_crowd
 from evac.results.recordedcase import CaseTable, GroupTable, Record, recorded_case, with_infinity
-from evac.results.results import CROSSINGS_COLUMNS, DERIVED, EXPOSURE_COLUMNS, PEOPLE_COLUMNS, Results
+from evac.results.results import CROSSINGS_COLUMNS, DERIVED, EXPOSURE_COLUMNS, MARGIN_COLUMNS, PEOPLE_COLUMNS, Results
 from evac.trajectory.trajectory import Trajectory, read_trajectory
 
 
@@ -115,6 +115,7 @@ _UNREAD: dict[str, Any] = {
     "crossings": (np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0)),
     "stuck": (),
     "exposure": {},
+    "margins": {},
     "folder": None,
 }
 
@@ -130,7 +131,8 @@ def _with_people(results: Results, place: Path, derived: Any) -> Results:
     """Return results with the people of people.csv and their crossings."""
     groups: list[GroupTable] = derived.case.people
     more = () if results.conditions is None else EXPOSURE_COLUMNS
-    table = _Table(place / PEOPLE_NAME, PEOPLE_COLUMNS + more)
+    margins = () if results.safety is None else MARGIN_COLUMNS
+    table = _Table(place / PEOPLE_NAME, PEOPLE_COLUMNS + more + margins)
     levels, exits = list(results.levels), list(results.exits)
     group = table.indices("group", [group.name for group in groups], optional=True)
     crowd = _crowd_of(table, levels, exits, results.routes, group)
@@ -149,6 +151,7 @@ def _with_people(results: Results, place: Path, derived: Any) -> Results:
         crossings=_crossings(place / CROSSINGS_NAME, derived.people, list(results.portals)),
         stuck=tuple(row["person"] for row in derived.stuck),
         exposure={name: table.numbers(name, 0.0, optional=name == "stopped_at") for name in more},
+        margins={name: table.numbers(name, optional=True) for name in margins},
     )
 
 

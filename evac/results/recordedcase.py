@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import BaseModel, ConfigDict
 
 from evac.base.errors import ResultError
-from evac.folder.textfiles import Amount
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -58,7 +57,6 @@ class ReportTable(Record):
     project: str = ""
     author: str = ""
     date: str = ""
-    aset: dict[str, Amount] = {}
 
 
 class CaseTable(Record):

@@ -47,6 +47,7 @@ from evac.results.quality import (
     remarks_of,
 )
 from evac.results.recordedcase import CaseTable
+from evac.results.verdict import Verdict, verdict_of
 from evac.results.watch import Observation
 
 if TYPE_CHECKING:
@@ -71,6 +72,9 @@ PEOPLE_COLUMNS = (
 
 #: Columns of people.csv in addition, of a case with conditions of the air: those of `Exposure`.
 EXPOSURE_COLUMNS = ("gas_dose", "heat_dose", "greatest_extinction", "greatest_irritants", "stopped_at")
+
+#: Columns of people.csv in addition, of a case with [safety]: those of `Safety`.
+MARGIN_COLUMNS = ("least_margin", "least_margin_at")
 
 T = TypeVar("T")
 
@@ -167,6 +171,8 @@ class Results:
         People inside at the end who had made no progress for 10 s, or for ``no_progress`` if that is less.
     exposure : mapping of str to (n,) float64
         The `EXPOSURE_COLUMNS` by name, in a case with conditions.
+    margins : mapping of str to (n,) float64
+        The `MARGIN_COLUMNS` by name [s], in a case with [safety]; NaN for people on whose way no criterion is met.
     folder : Path or None
         Result folder of the run.
     """
@@ -227,12 +233,17 @@ class Results:
     previous update; `exit_returns`, how many of these changes led back to an earlier exit of the person."""
     conditions: Mapping[str, Any] | None = None
     """Null in a case without `[[conditions]]`. Otherwise: `sources`; the `law` of speed; the `quantities` that are
-    read; the `findings` of the sources; for each of the `levels`, when the visibility at heads fell below 10 m
-    (`untenable`) and below the visibility at which people turn back; the `doses` over time (mean and greatest, every
-    two seconds); the solves of `routes` and their CPU time since the start or the last resumption [s]; the
-    `greatest_extinction` [1/m]; and, with `[dose]`, the entry `dose`: `form`, `heat`, `threshold` and `susceptibility`
-    of the dose, the required quantities that are `not_in_data`, the number of people with doses above 0.3 and 1, the
-    greatest doses, and the number `stopped`."""
+    read; the `findings` of the sources; the `doses` over time (mean and greatest, every two seconds); the solves of
+    `routes` and their CPU time since the start or the last resumption [s]; the `greatest_extinction` [1/m]; and, with
+    `[dose]`, the entry `dose`: `form`, `heat`, `threshold` and `susceptibility` of the dose, the required quantities
+    that are `not_in_data`, the number of people with doses above 0.3 and 1, the greatest doses, and the number
+    `stopped`."""
+    safety: Mapping[str, Any] | None = None
+    """Null in a case without `[safety]`. Otherwise: the `factor` and `percentile` of the case, and for each of the
+    `compartments`: `name`; the number of `people` who belong to it; `required`, when the last of them left it [s]
+    (null: not all did, or nobody belongs to it); `available`, when a criterion is met [s] (null: none is, `until` this
+    time); the `criterion`; and the `least_margin` of a person in it [s], with whom (`least_margin_of`) and when
+    (`least_margin_at`)."""
     changes: Annotated[
         Sequence[Annotated[Change, BeforeValidator(Change.from_row)]],
         PlainSerializer(lambda changes: [change.as_row() for change in changes]),
@@ -266,6 +277,7 @@ class Results:
     crossings: Unwritten[tuple[IntArray, IntArray, FloatArray]]
     stuck: Unwritten[Sequence[int]] = ()
     exposure: Unwritten[Mapping[str, FloatArray]] = field(default_factory=dict)
+    margins: Unwritten[Mapping[str, FloatArray]] = field(default_factory=dict)
     folder: Unwritten[Path | None] = None
     noticed: Unwritten[Sequence[str]] = ()  # quality warnings but for those of flows and queues
     advised: Unwritten[Sequence[str] | None] = None  # behaviours that would keep distances, if none does
@@ -316,7 +328,7 @@ class Results:
     def __repr__(self) -> str:
         last = "" if self.last_out is None else f", the last after {self.last_out:.1f} s"
         out = f"{self.evacuated} of {self.number_of_people} out"
-        return f"<Results of {self.title or Path(self.source).name!r}: {self.ended}, {out}{last}>"
+        return f"<Results: {self.verdict['text']}; {self.title or Path(self.source).name!r}: {self.ended}, {out}{last}>"
 
     def _repr_html_(self) -> str:
         """Return tables, the egress curve and the replay as HTML for notebooks."""
@@ -330,6 +342,14 @@ class Results:
 
         return egress_figure(self)
 
+    @Derived
+    def verdict(self) -> Verdict:
+        """Whether people leave in time (docs/safety.md): `status` ("green", "amber", "red", or "none" without a limit),
+        `text`, and at the `compartment` whose margin with the safety factor is least: `required` and `available` time,
+        `margin` and `margin_with_factor` [s].
+        """
+        return verdict_of(self.safety)
+
     @derived("people")
     def number_of_people(self) -> Count:
         """Number of people."""
@@ -341,13 +361,13 @@ class Results:
         from pandas import DataFrame
 
         columns = dict(zip(self.people_columns, self._people_columns(), strict=True))
-        times = dict.fromkeys({"exit_time", "stopped_at"} & columns.keys(), float)
+        times = dict.fromkeys({"exit_time", "stopped_at", *MARGIN_COLUMNS} & columns.keys(), float)
         return DataFrame(columns).astype(times).set_index("person")
 
     @property
     def people_columns(self) -> tuple[str, ...]:
         """Names of the columns of people.csv."""
-        return PEOPLE_COLUMNS + (EXPOSURE_COLUMNS if self.exposure else ())
+        return (*PEOPLE_COLUMNS, *self.exposure, *self.margins)
 
     @Derived
     def evacuated(self) -> Count:
@@ -512,7 +532,10 @@ class Results:
             crowd.distance.tolist(),
             *crowd.position.T.tolist(),
             [levels[level] for level in crowd.level.tolist()],
-            *([value if value == value else None for value in self.exposure[name].tolist()] for name in self.exposure),
+            *(
+                [value if value == value else None for value in column.tolist()]
+                for column in (*self.exposure.values(), *self.margins.values())
+            ),
         ]
 
     def group_names(self) -> list[str]:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from evac.building.plan.plan import Plan
     from evac.case.case import Case
     from evac.conditions.exposure import Exposure
+    from evac.conditions.safety import Safety
     from evac.people.behaviour import Behaviour
     from evac.physics.contact.model import ContactModel
     from evac.physics.force import Force
@@ -169,6 +170,15 @@ def make_exposure(case: "Case", scene: Scene, people: Population) -> "Exposure |
     from evac.conditions.exposure import Exposure
 
     return Exposure(case, scene, people.crowd, people.groups)
+
+
+def make_safety(case: "Case", building: "Building", people: Population, exposure: "Exposure | None") -> "Safety | None":
+    """Return the times of compartments and the margins of people of a case with `[safety]`."""
+    if case.safety is None:
+        return None
+    from evac.conditions.safety import Safety
+
+    return Safety(case, building, people.crowd, None if exposure is None else exposure.air, people.staying)
 
 
 def make_engine(simulation: "Simulation", behaviours: "Sequence[Behaviour]") -> Engine:

@@ -50,6 +50,7 @@ class Loop:
             Operation("physics", "physics", self._move),
             Operation("settling", "recording", self._settle),
             Operation("conditions", "behaviours", self._expose, self._is_sampled, self._begin_exposure),
+            Operation("safety", "recording", self._judge, lambda: simulation.safety is not None, self._judge_start),
             Operation("watch", "recording", self._look),
             Operation("recorders", "recording", self._record, lambda: self._is_output, self._start_recording),
             Operation("ending", "recording", self._end_run),
@@ -144,6 +145,16 @@ class Loop:
     def _expose(self) -> None:
         assert self._simulation.exposure is not None
         self._simulation.exposure.act(self._simulation.time, self._simulation.fields)
+
+    def _judge(self) -> None:
+        simulation, exposure = self._simulation, self._simulation.exposure
+        if simulation.safety is not None:
+            doses = None if exposure is None else exposure.doses_at(simulation.time)
+            simulation.safety.look(simulation.time, simulation.places.arrived, doses)
+
+    def _judge_start(self) -> None:
+        if self._simulation.step == 0:
+            self._judge()
 
     def _look(self) -> None:
         simulation, crowd = self._simulation, self._simulation.population.crowd

@@ -83,6 +83,8 @@ class Simulation(Saved):
         The people who go to refuges and assembly areas, and those who have arrived.
     exposure : Exposure or None
         The doses that people take, and the speed that smoke leaves them, if the case has conditions of the air.
+    safety : Safety or None
+        When compartments become unsafe and are left, and the margins of people, if the case has a table [safety].
     outside : PeopleOutside or None
         The people who have left, if a behaviour keeps distances.
     plan : list of Part
@@ -105,7 +107,7 @@ class Simulation(Saved):
 
     saved = (
         *("step", "start_position", "start_level", "displacement_velocity", "timetable", "scene", "population"),
-        *("places", "outside", "exposure", "deciding", "watch", "ending"),
+        *("places", "outside", "exposure", "safety", "deciding", "watch", "ending"),
     )
 
     def __init__(
@@ -161,6 +163,7 @@ class Simulation(Saved):
             with naming(case.source):
                 self.timetable = Timetable(case.event, self.scene)
             self.exposure = assembly.make_exposure(case, self.scene, self.population)
+            self.safety = assembly.make_safety(case, building, self.population, self.exposure)
             sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
             self.outside = PeopleOutside(building, crowd) if sees_outside else None
             self.deciding = Deciding(self, behaviours)
@@ -179,7 +182,8 @@ class Simulation(Saved):
     @property
     def dose(self) -> FloatArray | None:
         """The greater of the doses of gases and heat of each person, (n,); None in a case without doses."""
-        return None if self.exposure is None else self.exposure.dose(self.time)
+        doses = None if self.exposure is None else self.exposure.doses_at(self.time)
+        return None if doses is None else doses.max(axis=0)
 
     @property
     def standing(self) -> NDArray[np.bool_]:
@@ -339,6 +343,7 @@ class Simulation(Saved):
             resumed=self.resumed,
             quickest=None if self.scene.quickest is None else self.scene.quickest.report(),
             **({} if self.exposure is None else self.exposure.results(self.time)),
+            **({} if self.safety is None else self.safety.results(self.population.crossings)),
         )
         return replace(results, metrics=self._metrics(results))
 

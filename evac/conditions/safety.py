@@ -1,0 +1,384 @@
+"""Available and required times of compartments, and the margin of each person on its way."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from evac.base.errors import ScenarioError
+from evac.base.parameters import did_you_mean
+from evac.base.saved import Bounds, Saved
+from evac.building.model.building import Area, Building
+from evac.building.model.cells import LevelField
+from evac.building.model.storeys import storeys
+from evac.conditions.dose import dose_rates, irritant_concentration, irritant_scale
+from evac.conditions.source import IRRITANTS, QUANTITIES
+from evac.physics.state import Crowd
+
+if TYPE_CHECKING:
+    from evac.case.case import Case
+    from evac.case.schema import CriteriaSettings
+    from evac.conditions.air import Air
+
+#: Least side of the cells of floors [m], and least time between two readings of the air [s].
+SPACING, PERIOD = 0.5, 2.0
+
+#: Greatest number of cells, and of cells times readings.
+MOST_CELLS, MOST_READINGS = 50_000, 10_000_000
+
+#: Criteria of the air, and the quantities of which they need one.
+CRITERIA = {
+    "visibility": ("extinction",),
+    "temperature": ("temperature",),
+    "fic": IRRITANTS,
+    "layer": ("layer",),
+    "fed": tuple(QUANTITIES),
+}
+
+
+@dataclass(frozen=True)
+class Compartment:
+    """A part of a building that must be left in time; everybody on one of its `stairs` (levels) belongs to it."""
+
+    name: str
+    levels: frozenset[int]
+    stairs: frozenset[int]
+    areas: tuple[Area, ...]
+    without: tuple[Area, ...]
+    everybody: bool
+    limits: Mapping[str, float]
+    share: float
+
+    def floor(self, level: int, whole: shapely.Geometry) -> shapely.Geometry:
+        """Return the part of a level, which has a whole polygon, with criteria."""
+        own = whole if level in self.levels else _on(self.areas, level).intersection(whole)
+        return own.difference(_on(self.without, level))
+
+    def has(self, level: IntArray, position: FloatArray) -> BoolArray:
+        """Return whether places (n,) are in it."""
+        inside = np.isin(level, list(self.levels))
+        for area in self.areas:
+            rows = np.flatnonzero((level == area.level) & ~inside)
+            inside[rows] = shapely.intersects_xy(area.polygon, *position[rows].T)
+        return inside
+
+
+def _on(areas: Iterable[Area], level: int) -> shapely.Geometry:
+    """Return the polygon of all areas on a level."""
+    return shapely.union_all([shapely.Polygon(), *(area.polygon for area in areas if area.level == level)])
+
+
+def compartments_of(case: "Case", building: Building) -> list[Compartment]:
+    """Return the compartments of a case with a table [safety]: those that it states, or each storey and stair."""
+    assert case.safety is not None
+    if case.compartment:
+        found = []
+        for one in case.compartment:
+            where = f"{case.source}: compartment.{one.name}"
+            levels, stairs, areas = _parts(building, one.of or (one.name,), f"{where}.of")
+            without = _parts(building, one.without, f"{where}.without")[2]
+            limits, share = _limits(case, where, one, case.safety)
+            found.append(Compartment(one.name, levels, stairs, areas, without, one.everybody, limits, share))
+        return found
+    limits, share = _limits(case, f"{case.source}: safety", case.safety)
+    floors = {name: {level.index for level in levels if level.stair is None} for name, levels in storeys(building)}
+    parts = [(name, own, frozenset[int]()) for name, own in floors.items()]
+    parts += [(name, set(own), frozenset(own)) for name, own in building.stairs.items()]
+    return [
+        Compartment(name, frozenset(own), stairs, (), (), False, limits, share) for name, own, stairs in parts if own
+    ]
+
+
+def _parts(
+    building: Building, names: tuple[str, ...], where: str
+) -> tuple[frozenset[int], frozenset[int], tuple[Area, ...]]:
+    """Return the levels, those of them that are on stairs, and the areas with some names."""
+    levels, stairs, areas = set[int](), set[int](), list[Area]()
+    for name in names:
+        own = [area for area in building.areas if area.name == name]
+        if (level := building.level_named(name)) is not None:
+            levels.add(level.index)
+        elif name in building.stairs:
+            stairs.update(building.stairs[name])
+        elif own:
+            areas += own
+        else:
+            known = [*(one.name for one in (*building.levels, *building.areas)), *building.stairs]
+            raise ScenarioError(f"{where}: there is no level, stair or area {name!r}; {did_you_mean(name, known)}")
+    if where.endswith("without"):
+        areas += [Area(building.levels[k].name, k, building.levels[k].polygon) for k in levels | stairs]
+    return frozenset(levels | stairs), frozenset(stairs), tuple(areas)
+
+
+def _limits(case: "Case", where: str, *settings: "CriteriaSettings") -> tuple[dict[str, float], float]:
+    """Return the criteria by name, of the first settings that have each, and the share of the floor."""
+
+    def given(name: str) -> float | None:
+        return next((value for one in settings if (value := getattr(one, name)) is not None), None)
+
+    limits = {name: value for name in ("available", *CRITERIA) if (value := given(name)) is not None}
+    if not limits:
+        raise ScenarioError(f"{where}: has no criterion; add one, for example visibility = 10.0 or available = 180.0")
+    if "fed" in limits and case.dose is None:
+        raise ScenarioError(f"{where}.fed: the case computes no dose; add a table [dose], or remove fed")
+    return limits, given("share") or 0.0
+
+
+class Safety(Saved):
+    """Finds when compartments become unsafe, when people leave them, and how much time each person has left.
+
+    A criterion is met at a place from the first time on at which it is met there, at the mean height of heads, also if
+    the air becomes better later. It is read on cells of floors every few seconds, and is linear in between. The margin
+    of a person is the time at which a criterion of a compartment, with the own dose, would be met where it is, minus
+    the present time.
+
+    Attributes
+    ----------
+    least, least_at : (n,) float64
+        Least margin of each person so far [s], inf if no criterion is met on its way; and when it was so little [s].
+    left : (compartments, n) float64
+        When each person left each compartment to which it belongs for the last time [s]: inf for those who are there,
+        NaN for those who do not belong to it.
+    """
+
+    saved = ("least", "least_at", "left", "_seen", "_belongs", "_met", "_of_compartments")
+
+    def __init__(self, case: "Case", building: Building, crowd: Crowd, air: "Air | None", exempt: IntArray) -> None:
+        assert case.safety is not None
+        self._case, self._crowd, self._air = case, crowd, air
+        self.compartments = compartments_of(case, building)
+        n, number = len(crowd.level), len(self.compartments)
+        self._leaves = np.ones(n, np.bool_)
+        self._leaves[exempt] = False
+        self.least, self.least_at = np.full(n, np.inf), np.full(n, np.nan)
+        self.left = np.full((number, n), np.nan)
+        self._seen, self._belongs = np.zeros(n, np.bool_), np.zeros((number, n), np.bool_)
+        self._met = np.full(n, np.inf)  # when the own dose of each person meets its criterion, as last known
+        self._of_compartments = np.full((number, 3), np.nan)  # least margin in each, person, time
+        self._of_compartments[:, 0] = np.inf
+        self._check_quantities()
+        self._make_cells(building)
+        self._read_air(float(crowd.height.mean()))
+        self._find_available()
+
+    def _check_quantities(self) -> None:
+        """Refuse criteria of quantities that no source provides."""
+        given = () if self._air is None else self._air.quantities
+        for one in self.compartments:
+            for name, quantities in CRITERIA.items():
+                if name in one.limits and not any(quantity in given for quantity in quantities):
+                    raise ScenarioError(
+                        f"{self._case.source}: compartment {one.name!r}: no source of [[conditions]] provides "
+                        f"{' or '.join(quantities)} for the criterion {name}; add it to the data, or remove {name}"
+                    )
+
+    def _make_cells(self, building: Building) -> None:
+        """Find the cells of the floors of compartments, a place in each, and the area that each compartment has."""
+        wanted = {
+            *(k for one in self.compartments for k in one.levels),
+            *(a.level for c in self.compartments for a in c.areas),
+        }
+        area = sum(building.levels[level].polygon.area for level in wanted)
+        spacing = max(SPACING, math.sqrt(area / MOST_CELLS))
+        self._field = LevelField(building, "first", "s", spacing)
+        self._field.values = np.full(self._field.size, np.nan)
+        places, level_of, cells = [], [], []
+        areas: list[list[FloatArray]] = [[] for _ in self.compartments]
+        for level in sorted(wanted):
+            whole, grid = building.levels[level].polygon, self._field.cells[level]
+            x, y = (values.ravel() - 0.5 * spacing for values in grid.centres())
+            boxes = shapely.box(x, y, x + spacing, y + spacing)
+            pieces = shapely.intersection(boxes, whole)
+            own = np.flatnonzero(shapely.area(pieces) > 0.0)
+            inner = shapely.point_on_surface(pieces[own])
+            places.append(np.column_stack([shapely.get_x(inner), shapely.get_y(inner)]))
+            level_of.append(np.full(len(own), level, np.int32))
+            self._field.on(level).ravel()[own] = sum(map(len, cells)) + np.arange(len(own))
+            cells.append(own)
+            for one, parts in zip(self.compartments, areas, strict=True):
+                parts.append(shapely.area(shapely.intersection(boxes[own], one.floor(level, whole))))
+        self._level, self._place = np.concatenate(level_of), np.concatenate(places)
+        self._areas = np.array([np.concatenate(parts) for parts in areas])  # (compartments, cells) [m2]
+
+    def _read_air(self, height: float) -> None:
+        """Find when each limit is first exceeded in each cell (cells,) [s], and the doses (times, 2, cells) there."""
+        case, dose, n = self._case, self._case.dose, len(self._level)
+        limits = {item for one in self.compartments for item in one.limits.items() if item[0] in CRITERIA}
+        self._first = {item: np.full(n, np.inf) for item in limits if item[0] != "fed"}
+        self.until = math.inf
+        self._times, self._doses = np.zeros(1), np.zeros((1, 2, n), np.float32)
+        if self._air is None or not limits:
+            return
+        assert case.safety is not None
+        self.until = min(case.safety.factor * case.simulation.duration, self._air.last)
+        number = max(1, min(math.ceil(self.until / PERIOD), MOST_READINGS // max(n, 1)))
+        self._times = np.minimum(max(PERIOD, self.until / number) * np.arange(number + 1), self.until)
+        self._doses = np.zeros((number + 1 if dose is not None else 1, 2, n), np.float32)
+        heads, total = self._air.heads_at(self._level, self._place, height), np.zeros((2, n))
+        rates, before = np.zeros((2, n)), dict[str, FloatArray]()
+        for k, time in enumerate(self._times.tolist()):
+            values = self._air.at(self._air.quantities, time, self._level, self._place, heads)
+            air = dict(zip(self._air.quantities, values, strict=True))
+            measures = self._measures(air)
+            for (name, limit), first in self._first.items():
+                _note(first, self._edge(name, limit), measures[name], before.get(name), time, self._times[k - 1])
+            before = measures
+            if dose is not None:
+                now = dose_rates(dose, air)
+                total += 0.5 * (time - self._times[k - 1]) * (rates + now) if k else 0.0
+                self._doses[k], rates = total, now
+
+    def _measures(self, air: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Return what criteria look at, which is too great where they are met."""
+        scale = irritant_scale(self._case.dose)
+        found = {"visibility": air.get("extinction"), "temperature": air.get("temperature")}
+        found["layer"] = -air["layer"] if "layer" in air else None
+        found["fic"] = irritant_concentration(air, scale) if any(name in air for name in IRRITANTS) else None
+        return {name: values for name, values in found.items() if values is not None}
+
+    def _edge(self, name: str, limit: float) -> float:
+        """Return the value of a measure above which a criterion is met."""
+        if name == "visibility":
+            return self._case.smoke.contrast / limit if limit > 0.0 else math.inf
+        return -limit if name == "layer" else limit
+
+    def _find_available(self) -> None:
+        """Find the available time of each compartment, its criterion, and when criteria are met in each cell."""
+        n = len(self._level)
+        self._limit, self._until, self.available = np.full(n, np.inf), np.full(n, np.inf), list[tuple[float, str]]()
+        for one, areas in zip(self.compartments, self._areas, strict=True):
+            own = np.flatnonzero(areas > 0.0)
+            found = [(one.limits["available"], "available")] if "available" in one.limits else []
+            for name, limit in ((name, limit) for name, limit in one.limits.items() if name in CRITERIA):
+                if name == "fed":
+                    self._limit[own] = np.minimum(self._limit[own], limit)
+                    times = self._when(own, np.full((2, len(own)), limit))
+                else:
+                    times = self._first[name, limit][own]
+                    self._until[own] = np.minimum(self._until[own], times)
+                order = np.argsort(times, kind="stable")
+                part = np.cumsum(areas[own][order])
+                if len(own):
+                    least = int(np.searchsorted(part, one.share * part[-1] * (1.0 - 1e-9)))
+                    found.append((float(times[order][least]), name))
+            if "available" in one.limits:
+                self._until[own] = np.minimum(self._until[own], one.limits["available"])
+            self.available.append(min(found, default=(math.inf, "")))
+
+    def _when(self, cells: IndexArray, target: FloatArray) -> FloatArray:
+        """Return when the doses in cells (n,), of those who stay there from the start, reach targets (2, n) [s]."""
+        low, high = np.zeros(target.shape, np.intp), np.full(target.shape, len(self._doses))
+        kind = np.arange(2)[:, None]
+        while (low < high).any():
+            middle = np.minimum((low + high) // 2, len(self._doses) - 1)
+            reached = self._doses[middle, kind, cells] >= target
+            low, high = np.where(reached | (low == high), low, middle + 1), np.where(reached, middle, high)
+        last = np.clip(low, 1, max(len(self._doses) - 1, 1))
+        if len(self._doses) == 1:
+            return np.full(len(cells), np.inf)
+        before, after = self._doses[last - 1, kind, cells], self._doses[last, kind, cells]
+        share = np.divide(target - before, after - before, out=np.zeros(target.shape), where=after > before)
+        times = self._times[last - 1] + np.clip(share, 0.0, 1.0) * (self._times[last] - self._times[last - 1])
+        when: FloatArray = np.where(low == len(self._doses), np.inf, np.where(low == 0, 0.0, times)).min(axis=0)
+        return when
+
+    def look(self, time: float, arrived: BoolArray, doses: FloatArray | None) -> None:
+        """Look at the people at a time [s], with those who are at a safe place (n,) and the doses (2, n) of all."""
+        crowd, inside = self._crowd, np.flatnonzero(self._crowd.level >= 0)
+        level, position = crowd.level[inside], crowd.position[inside]
+        present, is_new = np.zeros(self.left.shape, np.bool_), ~self._seen[inside]
+        for k, one in enumerate(self.compartments):
+            here = one.has(level, position)
+            self._belongs[k, inside] |= here & (is_new | one.everybody)
+            present[k, inside] = here & (self._belongs[k, inside] | np.isin(level, list(one.stairs)))
+        self._seen[inside] = True
+        present &= self._leaves & ~arrived
+        self.left[present] = np.inf
+        self.left[~present & np.isinf(self.left)] = time
+        number = self._field.at(level, position)
+        known = np.flatnonzero(~np.isnan(number))
+        if len(known):
+            self._add_margins(time, inside[known], number[known].astype(np.intp), doses)
+
+    def _add_margins(self, time: float, rows: IndexArray, cells: IndexArray, doses: FloatArray | None) -> None:
+        """Add the margins of people (rows) in cells at a time [s]."""
+        when = self._until[cells]
+        if doses is not None and np.isfinite(self._limit[cells]).any():
+            rest = self._limit[cells] - doses[:, rows]
+            k = int(np.clip(np.searchsorted(self._times, time), 1, len(self._times) - 1))
+            share = (time - self._times[k - 1]) / (self._times[k] - self._times[k - 1])
+            now = self._doses[k - 1][:, cells] * (1.0 - share) + self._doses[k][:, cells] * share
+            met = np.where((rest > 0.0).all(axis=0), self._when(cells, now + rest), np.fmin(self._met[rows], time))
+            self._met[rows] = met
+            when = np.minimum(when, met)
+        margin = when - time
+        less = margin < self.least[rows]
+        self.least[rows[less]], self.least_at[rows[less]] = margin[less], time
+        for k, areas in enumerate(self._areas):
+            own = np.flatnonzero(areas[cells] > 0.0)
+            if len(own) and (least := own[np.argmin(margin[own])]) >= 0 and margin[least] < self._of_compartments[k, 0]:
+                self._of_compartments[k] = margin[least], rows[least], time
+
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of margins and times."""
+        times = dict.fromkeys(("least_at", "left", "_met"), Bounds(0.0, np.inf, nan=True))
+        return times | dict.fromkeys(("least", "_of_compartments"), Bounds(-np.inf, np.inf, nan=True))
+
+    def results(self, crossings: tuple[IntArray, IntArray, FloatArray]) -> dict[str, Any]:
+        """Return what the results of a run say: ``safety``, and ``margins``, columns of people.csv.
+
+        People who cross a link in the tick in which they left a compartment left it at that time.
+        """
+        person, _, times = crossings
+        left, tick = (
+            np.fmin(self.left, np.where(np.isnan(self.left), np.nan, self._crowd.exit_time)),
+            self._case.simulation.tick,
+        )
+        for own in left:
+            near = (times <= own[person]) & (times > own[person] - tick)
+            own[person[near]] = times[near]
+        safety = self._case.safety
+        assert safety is not None
+        least = np.where(np.isinf(self.least), np.nan, self.least)
+        return {
+            "safety": {
+                "factor": safety.factor,
+                "percentile": safety.percentile,
+                "compartments": list(self._rows(left)),
+            },
+            "margins": {"least_margin": least, "least_margin_at": self.least_at.copy()},
+        }
+
+    def _rows(self, left: FloatArray) -> Iterator[dict[str, Any]]:
+        """Yield the row of each compartment."""
+        for k, (one, own) in enumerate(zip(self.compartments, left, strict=True)):
+            available, criterion = self.available[k]
+            margin, person, time = self._of_compartments[k].tolist()
+            is_met, met, required = math.isfinite(available), math.isfinite(margin), own[~np.isnan(own)]
+            yield {
+                "name": one.name,
+                "people": len(required),
+                "required": float(required.max()) if len(required) and np.isfinite(required).all() else None,
+                "available": available if is_met else None,
+                "criterion": criterion if is_met else "",
+                "until": None if is_met or math.isinf(self.until) else self.until,
+                "least_margin": margin if met else None,
+                "least_margin_of": int(person) if met else None,
+                "least_margin_at": time if met else None,
+            }
+
+
+def _note(
+    first: FloatArray, edge: float, now: FloatArray, before: FloatArray | None, time: float, previous: float
+) -> None:
+    """Note when values first exceed an edge, of those that have not yet, linear since the previous time [s]."""
+    new = np.flatnonzero(np.isinf(first) & (now > edge))
+    if before is None:
+        first[new] = time
+    else:
+        share = (edge - before[new]) / (now[new] - before[new])
+        first[new] = previous + np.clip(share, 0.0, 1.0) * (time - previous)
