@@ -591,7 +591,7 @@ class ConditionSettings(Table):
     times: tuple[Time, ...] | None = key("times of the values, the first of them 0; if not given, constant", "s", None)
     values: dict[str, Value | tuple[Value, ...]] | None = key(
         "value of each quantity, or a list of its values at the times: extinction (1/m), co2, o2 (%), temperature (C), "
-        "radiation (kW/m2), and in ppm co, hcn, no, no2, hcl, hbr, hf, so2, acrolein, formaldehyde",
+        "radiation (kW/m2), layer (m), and in ppm co, hcn, no, no2, hcl, hbr, hf, so2, acrolein, formaldehyde",
         "",
         None,
     )

@@ -215,7 +215,8 @@ def show_answer(results: "Results", below: int = 1) -> None:
     heights[1] = 1
     first = 4 + len(answer.exits)
     of_notes = range(first, first + len(notes))
-    for least, rows in ((1, (len(lines) - 2, *range(first - 1, 3, -1), *of_notes, len(lines) - 1)), (0, of_notes)):
+    movement, last = len(lines) - 2, len(lines) - 1
+    for least, rows in ((1, (movement, *range(first - 1, 3, -1), *of_notes, last)), (0, (*of_notes, 1, movement))):
         for row in rows:
             heights[row] -= max(0, min(heights[row] - least, sum(heights) + below - MOST_LINES))
     styles = [STYLES[results.verdict["status"]], "bold", "bold"]
@@ -231,10 +232,10 @@ def show_results(results: "Results") -> None:
     if results.safety is not None:
         from evac.results.verdict import judged
 
-        columns = ("compartment", "required [s]", "available [s]", "margin [s]", "with the factor [s]")
+        heads = ("compartment", "required [s]", "available [s]", "margin [s]", "with the factor [s]")
         keys = ("name", "required", "limit", "margin", "margin_with_factor")
-        rows = [[row[key] for key in keys] for row in judged(results.safety)]
-        show_table("Available and required times", columns, rows)
+        times = [[row[key] for key in keys] for row in judged(results.safety)]
+        show_table("Available and required times", heads, times)
     _show_places(summary, results)
     stuck = summary["stuck"]
     rows = [(own["person"], own["level"], round(own["x"], 2), round(own["y"], 2)) for own in stuck[:MOST_LISTED]]

@@ -107,7 +107,7 @@ def _parts(
         elif own:
             areas += own
         else:
-            known = [*(one.name for one in (*building.levels, *building.areas)), *building.stairs]
+            known = [*(one.name for one in building.levels), *(one.name for one in building.areas), *building.stairs]
             raise ScenarioError(f"{where}: there is no level, stair or area {name!r}; {did_you_mean(name, known)}")
     if where.endswith("without"):
         areas += [Area(building.levels[k].name, k, building.levels[k].polygon) for k in levels | stairs]
@@ -145,7 +145,7 @@ class Safety(Saved):
         NaN for those who do not belong to it.
     """
 
-    saved = ("least", "least_at", "left", "_seen", "_belongs", "_met", "_of_compartments")
+    saved = ("least", "least_at", "left", "_seen", "_belongs", "_reached", "_of_compartments")
 
     def __init__(self, case: "Case", building: Building, crowd: Crowd, air: "Air | None", exempt: IntArray) -> None:
         assert case.safety is not None
@@ -157,7 +157,9 @@ class Safety(Saved):
         self.least, self.least_at = np.full(n, np.inf), np.full(n, np.nan)
         self.left = np.full((number, n), np.nan)
         self._seen, self._belongs = np.zeros(n, np.bool_), np.zeros((number, n), np.bool_)
-        self._met = np.full(n, np.inf)  # when the own dose of each person meets its criterion, as last known
+        # Doses that are criteria, and when the own dose of each person has reached each of them.
+        self._doses_to_reach = sorted({one.limits["fed"] for one in self.compartments if "fed" in one.limits})
+        self._reached = np.full((len(self._doses_to_reach), n), np.inf)
         self._of_compartments = np.full((number, 3), np.nan)  # least margin in each, person, time
         self._of_compartments[:, 0] = np.inf
         self._check_quantities()
@@ -186,7 +188,7 @@ class Safety(Saved):
         spacing = max(SPACING, math.sqrt(area / MOST_CELLS))
         self._field = LevelField(building, "first", "s", spacing)
         self._field.values = np.full(self._field.size, np.nan)
-        places, level_of, cells = [], [], []
+        places, level_of, cells = list[FloatArray](), list[IntArray](), 0
         areas: list[list[FloatArray]] = [[] for _ in self.compartments]
         for level in sorted(wanted):
             whole, grid = building.levels[level].polygon, self._field.cells[level]
@@ -197,8 +199,8 @@ class Safety(Saved):
             inner = shapely.point_on_surface(pieces[own])
             places.append(np.column_stack([shapely.get_x(inner), shapely.get_y(inner)]))
             level_of.append(np.full(len(own), level, np.int32))
-            self._field.on(level).ravel()[own] = sum(map(len, cells)) + np.arange(len(own))
-            cells.append(own)
+            self._field.on(level).ravel()[own] = cells + np.arange(len(own))
+            cells += len(own)
             for one, parts in zip(self.compartments, areas, strict=True):
                 parts.append(shapely.area(shapely.intersection(boxes[own], one.floor(level, whole))))
         self._level, self._place = np.concatenate(level_of), np.concatenate(places)
@@ -252,22 +254,23 @@ class Safety(Saved):
         self._limit, self._until, self.available = np.full(n, np.inf), np.full(n, np.inf), list[tuple[float, str]]()
         for one, areas in zip(self.compartments, self._areas, strict=True):
             own = np.flatnonzero(areas > 0.0)
-            found = [(one.limits["available"], "available")] if "available" in one.limits else []
-            for name, limit in ((name, limit) for name, limit in one.limits.items() if name in CRITERIA):
-                if name == "fed":
+            times, why = np.full(len(own), np.inf), np.full(len(own), "", "<U11")
+            for name, limit in one.limits.items():
+                if name == "available":
+                    met = np.full(len(own), limit)
+                elif name == "fed":
                     self._limit[own] = np.minimum(self._limit[own], limit)
-                    times = self._when(own, np.full((2, len(own)), limit))
+                    met = self._when(own, np.full((2, len(own)), limit))
                 else:
-                    times = self._first[name, limit][own]
-                    self._until[own] = np.minimum(self._until[own], times)
-                order = np.argsort(times, kind="stable")
-                part = np.cumsum(areas[own][order])
-                if len(own):
-                    least = int(np.searchsorted(part, one.share * part[-1] * (1.0 - 1e-9)))
-                    found.append((float(times[order][least]), name))
-            if "available" in one.limits:
-                self._until[own] = np.minimum(self._until[own], one.limits["available"])
-            self.available.append(min(found, default=(math.inf, "")))
+                    met = self._first[name, limit][own]
+                why = np.where(met < times, name, why)
+                times = np.minimum(times, met)
+                if name != "fed":
+                    self._until[own] = np.minimum(self._until[own], met)
+            order = np.argsort(times, kind="stable")
+            part = np.cumsum(areas[own][order])
+            least = order[np.searchsorted(part, one.share * part[-1] * (1.0 - 1e-9))] if len(own) else 0
+            self.available.append((float(times[least]), str(why[least])) if len(own) else (math.inf, ""))
 
     def _when(self, cells: IndexArray, target: FloatArray) -> FloatArray:
         """Return when the doses in cells (n,), of those who stay there from the start, reach targets (2, n) [s]."""
@@ -312,9 +315,10 @@ class Safety(Saved):
             k = int(np.clip(np.searchsorted(self._times, time), 1, len(self._times) - 1))
             share = (time - self._times[k - 1]) / (self._times[k] - self._times[k - 1])
             now = self._doses[k - 1][:, cells] * (1.0 - share) + self._doses[k][:, cells] * share
-            met = np.where((rest > 0.0).all(axis=0), self._when(cells, now + rest), np.fmin(self._met[rows], time))
-            self._met[rows] = met
-            when = np.minimum(when, met)
+            when = np.minimum(when, np.where((rest > 0.0).all(axis=0), self._when(cells, now + rest), np.inf))
+            for reached, dose in zip(self._reached, self._doses_to_reach, strict=True):
+                reached[rows[(doses[:, rows].max(axis=0) >= dose) & np.isinf(reached[rows])]] = time
+                when = np.where(self._limit[cells] == dose, np.minimum(when, reached[rows]), when)
         margin = when - time
         less = margin < self.least[rows]
         self.least[rows[less]], self.least_at[rows[less]] = margin[less], time
@@ -325,7 +329,7 @@ class Safety(Saved):
 
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of margins and times."""
-        times = dict.fromkeys(("least_at", "left", "_met"), Bounds(0.0, np.inf, nan=True))
+        times = dict.fromkeys(("least_at", "left", "_reached"), Bounds(0.0, np.inf, nan=True))
         return times | dict.fromkeys(("least", "_of_compartments"), Bounds(-np.inf, np.inf, nan=True))
 
     def results(self, crossings: tuple[IntArray, IntArray, FloatArray]) -> dict[str, Any]:

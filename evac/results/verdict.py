@@ -7,9 +7,7 @@ from typing import Any, Literal
 from typing_extensions import TypedDict
 
 #: What is said where no limit is set.
-NO_LIMIT = (
-    'No limit set: a table [safety] in the case sets one, for example with "visibility = 10.0" or "available = 180.0"'
-)
+NO_LIMIT = "No limit set: a table [safety] in the case sets one"
 
 #: Criteria in words, by their keys in a case.
 BY = {
@@ -44,8 +42,8 @@ def verdict_of(safety: Mapping[str, Any] | None) -> Verdict:
     rows = [] if safety is None else sorted(judged(safety), key=lambda row: row["margin_with_factor"])
     if safety is None or not rows:
         nobody = "No limit applies: nobody belongs to a compartment of the case"
-        empty: Any = dict.fromkeys(Verdict.__annotations__)
-        return empty | {"status": "none", "text": NO_LIMIT if safety is None else nobody}
+        nothing: Any = dict.fromkeys(Verdict.__annotations__)
+        return Verdict(**nothing | {"status": "none", "text": NO_LIMIT if safety is None else nobody})
     worst, factor = rows[0], safety["factor"]
     said = {"green": "In time", "amber": "In time, but not with the safety factor", "red": "NOT in time"}
     words = "no margin" if worst["required"] is None else f"margin {worst['margin']:.1f} s"

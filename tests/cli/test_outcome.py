@@ -61,6 +61,7 @@ def shown(capsys):
             ),
             answer=SimpleNamespace(movement="People keep distances (mine)"),
             leaving=range(5),
+            safety=None,
             changes=(),
         )
         show_results(results)
@@ -89,7 +90,8 @@ def screen_of(stream):
 def test_the_answer_has_a_dozen_lines_at_most(monkeypatch, remarks, columns, below):
     words = "people who did not leave as their route says, in a sentence of more than a line of the terminal " * 2
     answer = Answer(
-        verdict="NOT everybody is out after 60.00 s (no progress): 7 of 9 people out",
+        verdict="NOT in time: 'hall' is not left by everybody, available for 29.8 s (visibility): no margin",
+        outcome="NOT everybody is out after 60.00 s (no progress): 7 of 9 people out",
         times="Last out after 40.00 s; fewer than 95 % got out",
         exits=(
             "Exit 'a': 4 people, the last after 40.00 s",
@@ -105,11 +107,20 @@ def test_the_answer_has_a_dozen_lines_at_most(monkeypatch, remarks, columns, bel
     screen = Terminal()
     monkeypatch.setattr("sys.stdout", screen)
     monkeypatch.setenv("COLUMNS", str(columns))
-    show_answer(SimpleNamespace(answer=answer, title="A title " * 20, source="case.toml", changes=()), below)
+    told = {
+        "answer": answer,
+        "title": "A title " * 20,
+        "source": "case.toml",
+        "changes": (),
+        "verdict": {"status": "red"},
+    }
+    show_answer(SimpleNamespace(**told), below)
     lines = screen_of(screen)
     assert 8 <= len(lines) <= 12 - below  # as many more for the result folder
     assert max(map(len, lines)) <= columns
-    assert answer.verdict in " ".join(line.strip() for line in lines)
+    shown = " ".join(line.strip() for line in lines)
+    assert shown.startswith(answer.verdict)
+    assert answer.outcome in shown
     assert lines[-1].startswith(answer.warnings)
     assert sum("Exit" in line or "exits" in line for line in lines) >= 4
 

@@ -89,7 +89,7 @@ def test_people_who_are_stopped_stay_and_are_passed_and_the_run_ends_without_the
     assert np.abs(results.crowd.position[1] - results.start_position[1]).max() < 1.5
     assert results.crowd.distance[0] > 90.0  # it walked round
     assert any("stopped" in line for line in results.remarks)
-    assert "2 of 3 people out, 1 stopped by gases or heat" in results.answer.verdict
+    assert "2 of 3 people out, 1 stopped by gases or heat" in results.answer.outcome
     summary = results.summary()
     assert summary["stopped"] == summary["conditions"]["dose"]["stopped"] == 1
     read = evac.read_results(tmp_path / "result")

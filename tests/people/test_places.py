@@ -48,7 +48,7 @@ def test_people_go_to_their_assembly_area_and_count_as_there(tmp_path):
     again = evac.read_results(tmp_path / "run")
     assert again.places == results.places
     assert main_results(again)["At assembly area 'at yard'"] == "8"
-    assert answer_of(again).verdict.endswith("0 of 8 people out, 8 at a safe place")
+    assert answer_of(again).outcome.endswith("0 of 8 people out, 8 at a safe place")
 
 
 @pytest.mark.parametrize("far", ["at yard", "at corner"])
