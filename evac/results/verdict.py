@@ -42,8 +42,15 @@ def verdict_of(safety: Mapping[str, Any] | None) -> Verdict:
     rows = [] if safety is None else sorted(judged(safety), key=lambda row: row["margin_with_factor"])
     if safety is None or not rows:
         nobody = "No limit applies: nobody belongs to a compartment of the case"
-        nothing: Any = dict.fromkeys(Verdict.__annotations__)
-        return Verdict(**nothing | {"status": "none", "text": NO_LIMIT if safety is None else nobody})
+        return Verdict(
+            status="none",
+            text=NO_LIMIT if safety is None else nobody,
+            compartment=None,
+            required=None,
+            available=None,
+            margin=None,
+            margin_with_factor=None,
+        )
     worst, factor = rows[0], safety["factor"]
     said = {"green": "In time", "amber": "In time, but not with the safety factor", "red": "NOT in time"}
     words = "no margin" if worst["required"] is None else f"margin {worst['margin']:.1f} s"
