@@ -38,6 +38,9 @@ from evac.jit.loading import Processor, host
 # numba reads this file before each compilation. One of the current folder must not decide what is compiled.
 numba.core.config._config_fname = os.devnull
 
+# The elimination of redundant loads would take a third of the time, mostly for loads that depend on many blocks.
+llvm.set_option("evac", "-memdep-block-number-limit=50")
+
 #: LLVM's level of optimisation, whatever numba's is: what is not optimised needs functions that only numba provides.
 OPTIMISATION = 3
 
@@ -120,13 +123,23 @@ class _Context(cpu.CPUContext):  # type: ignore[misc]
 #: Registries of numba that kernels use.
 _plain: dict[Any, Any] = {}
 
+#: Signatures by function and types of arguments.
+_resolved: dict[tuple[Any, Any], Any] = {}
+
 
 class _Typing(typing.Context):  # type: ignore[misc]
     """Typing context of kernels.
 
     Attributes for which numba would compile functions, mainly those of its arrays, are omitted, since registering them
-    takes as long as compiling a kernel.
+    takes as long as compiling a kernel. The type of each operation on the same types is searched for once.
     """
+
+    def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
+        if kws:
+            return super().resolve_function_type(func, args, kws)
+        if (func, args) not in _resolved:
+            _resolved[func, args] = super().resolve_function_type(func, args, kws)
+        return _resolved[func, args]
 
     def install_registry(self, registry: Any) -> None:
         """Install a registry of numba once, without such attributes."""

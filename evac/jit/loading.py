@@ -15,6 +15,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import ExitStack, chdir, closing, suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -193,24 +194,21 @@ def compile_tasks(
 
     tell()
     importable = [task for task in tasks if _source(task.entry)]
-    shares = divide(importable, min(cores(), len(importable)))
-    if len(shares) > 1:
-        with closing(_compile_elsewhere(shares, processor, store, tell)) as results:
-            for task, code in results:
-                del left[task]
-                yield task, code
-                tell()
-    for task in list(left):
-        code, problem = _compile_here(task, processor, store)
-        if problem:
-            _warn(store, problem)
-        del left[task]
-        yield task, code
-        tell()
+    *shares, own = divide(importable, min(cores(), len(importable)))
+    with ExitStack() as ending:
+        elsewhere = _start_elsewhere(shares, processor, store, ending)
+        here, rest = (_compiled(some, processor, store) for some in (own, left))
+        for task, code in chain(here, _gather(elsewhere, store, tell), rest):
+            del left[task]
+            yield task, code
+            tell()
 
 
 def divide(tasks: Sequence[Compilation], most: int) -> list[list[Compilation]]:
-    """Divide kernels among processes to minimise the total time; shared functions are lowered once in each process."""
+    """Divide kernels among processes to minimise the total time; the last process is this one.
+
+    Shared functions are lowered once in each process.
+    """
     sizes = {task: {k: len(k.function.__code__.co_code) for k in kernels_in(task.entry)} for task in tasks}
     ordered = sorted(tasks, key=lambda task: sum(sizes[task].values()), reverse=True)
     best: list[list[Compilation]] = [ordered]
@@ -218,7 +216,7 @@ def divide(tasks: Sequence[Compilation], most: int) -> list[list[Compilation]]:
     for number in range(1, most + 1):
         shares: list[list[Compilation]] = [[] for _ in range(number)]
         lowered: list[set[Any]] = [set() for _ in range(number)]
-        spent = [_START if number > 1 else 0] * number
+        spent = [_START] * (number - 1) + [0]
         for task in ordered:
             size = sizes[task]
             added = [
@@ -237,6 +235,17 @@ def _source(entry: Entry) -> str | None:
     """Return the file of a kernel's module for import in another process; None if impossible, as for scripts."""
     file = getattr(sys.modules.get(entry.__module__), "__file__", None)
     return str(Path(file).absolute()) if file and entry.__module__ != "__main__" else None
+
+
+def _compiled(
+    tasks: Iterable[Compilation], processor: Processor, store: Store | None
+) -> Generator[tuple[Compilation, bytes], None, None]:
+    """Compile the kernels that there are when the first is asked for, and yield each with its object code."""
+    for task in list(tasks):
+        code, problem = _compile_here(task, processor, store)
+        if problem:
+            _warn(store, problem)
+        yield task, code
 
 
 def _compile_here(task: Compilation, processor: Processor, store: Store | None) -> tuple[bytes, str]:
@@ -258,34 +267,40 @@ def _warn(store: Store | None, problem: str) -> None:
         store.warn("access", f"{store.folder}: kernels cannot be stored ({problem}); the next run compiles them again")
 
 
-def _compile_elsewhere(
-    shares: list[list[Compilation]], processor: Processor, store: Store | None, tell: Callable[[], None]
-) -> Generator[tuple[Compilation, bytes], None, None]:
-    """Yield the kernels that worker processes compile; failed kernels and those of processes that died are omitted."""
+def _start_elsewhere(
+    shares: Sequence[Sequence[Compilation]], processor: Processor, store: Store | None, ending: ExitStack
+) -> dict[Future[tuple[bytes, str]], Compilation]:
+    """Start the compilation of each share in a worker process, which `ending` ends; fewer if none can be started."""
     from evac.base.processes import Pool
 
     folder = store.folder if store else None
-    with ExitStack() as ending:
-        futures: dict[Future[tuple[bytes, str]], Compilation] = {}
-        with suppress(OSError, BrokenExecutor):  # no process can be started, or it has ended
-            for share in shares:
-                pool = ending.enter_context(Pool(1, is_quiet=True))
-                for task in share:
-                    where = task.entry.__module__, _source(task.entry) or "", task.entry.label, task.digest
-                    futures[pool.submit(_compile_there, where, processor, folder)] = task
-        while futures:
-            done, _ = wait(futures, _TOLD_EVERY, FIRST_COMPLETED)
-            for future in done:
-                task, error = futures.pop(future), future.exception()
-                if isinstance(error, PluginError):
-                    raise error
-                if error is None:
-                    code, problem = future.result()
-                    if problem:
-                        _warn(store, problem)
-                    yield task, code
-            if not done:
-                tell()
+    futures: dict[Future[tuple[bytes, str]], Compilation] = {}
+    with suppress(OSError, BrokenExecutor):
+        for share in shares:
+            pool = ending.enter_context(Pool(1, is_quiet=True))
+            for task in share:
+                where = task.entry.__module__, _source(task.entry) or "", task.entry.label, task.digest
+                futures[pool.submit(_compile_there, where, processor, folder)] = task
+    return futures
+
+
+def _gather(
+    futures: dict[Future[tuple[bytes, str]], Compilation], store: Store | None, tell: Callable[[], None]
+) -> Generator[tuple[Compilation, bytes], None, None]:
+    """Yield the kernels that worker processes compile; failed kernels and those of processes that died are omitted."""
+    while futures:
+        done, _ = wait(futures, _TOLD_EVERY, FIRST_COMPLETED)
+        for future in done:
+            task, error = futures.pop(future), future.exception()
+            if isinstance(error, PluginError):
+                raise error
+            if error is None:
+                code, problem = future.result()
+                if problem:
+                    _warn(store, problem)
+                yield task, code
+        if not done:
+            tell()
 
 
 # Worker process

@@ -80,7 +80,7 @@ def test_settings_of_numba_in_the_current_folder_neither_steer_nor_break_compila
 
 @pytest.fixture
 def processes(started, monkeypatch):
-    """Let starting a process seem free, so that several are used; return those that are started."""
+    """Let starting a process seem free, so that one is used beside this one; return those that are started."""
     monkeypatch.setattr(loading, "_START", 0)
     monkeypatch.setattr(loading, "cores", lambda: 2)
     return started
@@ -102,7 +102,7 @@ def _forget(module):
 def test_kernels_are_compiled_in_processes_that_end(plugin, processes, own_cache):
     told = []
     addresses_of(entries_of(plugin), lambda done, kernels: told.append((done, kernels)))
-    assert len(processes) == 2
+    assert len(processes) == 1
     assert all(process.exitcode is not None for process in processes)
     assert len(list(own_cache.iterdir())) == 3
     assert [told[0], told[-1]] == [(0, 3), (3, 3)]
@@ -132,7 +132,7 @@ def test_kernels_that_are_the_same_are_compiled_once(tmp_path, processes, own_ca
     module = _module_of(path, path.read_bytes())
     addresses_of([module.soft, module.hard, module.other])
     del sys.modules[module.__name__]
-    assert len(list(own_cache.iterdir())) == len(processes) == 2
+    assert len(list(own_cache.iterdir())) == 2 * len(processes) == 2
     assert module.soft.address == module.hard.address != module.other.address
 
 
@@ -148,7 +148,7 @@ def test_what_is_on_disk_is_not_compiled(plugin, own_cache):
 def test_the_machine_code_does_not_depend_on_where_it_is_compiled(plugin, processes):
     tasks = [Compilation(entry, digest_of(entry, f"{host()}")) for entry in entries_of(plugin)]
     elsewhere = dict(compile_tasks(tasks, host(), None))
-    assert len(processes) == 2
+    assert len(processes) == 1
     here = {task: loading._compile_here(task, host(), None)[0] for task in reversed(tasks)}
     assert elsewhere == here
 
@@ -162,7 +162,7 @@ def test_ctrl_c_leaves_no_processes(plugin, processes, monkeypatch, interrupted_
         monkeypatch.setattr(loading, "_load", interrupt)
     with pytest.raises(KeyboardInterrupt):
         addresses_of(entries_of(plugin), lambda done, kernels: interrupt() if done else None)
-    assert len(processes) == 2
+    assert len(processes) == 1
     assert all(process.exitcode is not None for process in processes)
 
 
