@@ -22,8 +22,11 @@ from evac.replay.motion import MotionPacker
 from evac.results.ending import DURATION_OVER, FAILED, INTERRUPTED, NO_PROGRESS
 from evac.results.reading import results_beside
 from evac.results.results import Results
-from evac.results.verdict import Verdict
+from evac.results.verdict import LeastMargin, Verdict, least_margins
 from evac.trajectory.trajectory import Trajectory
+
+#: Greatest number of people with the least margins that are listed.
+MOST_MARGINS = 10
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,7 @@ class Account:
     longest: Queue | None = None
     verdict: Verdict | None = None
     safety: Mapping[str, Any] | None = None  # as summary.json has it
+    margins: Sequence[LeastMargin] = ()  # the least ones
 
 
 def account_of_run(results: Results, error: BaseException | None = None) -> Account:
@@ -67,6 +71,7 @@ def account_of_run(results: Results, error: BaseException | None = None) -> Acco
         speed=crowd.speed[:, 0],
         response_time=crowd.start_time,
         longest=results.queues[0] if results.queues else None,
+        margins=least_margins(results.margins, results.trajectory, MOST_MARGINS) if results.trajectory else (),
     )
 
 

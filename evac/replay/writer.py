@@ -142,6 +142,14 @@ def _about(account: Account, portals: int) -> dict[str, Any]:
     return {
         "title": account.title,
         "quality_warnings": account.quality_warnings,
+        "margins": [
+            {
+                "person": one.person,
+                "time": one.time,
+                "text": f"{one.margin:.1f} s: person {one.person} on {one.level!r}",
+            }
+            for one in account.margins
+        ],
         "safety": bars(account.safety)[:MOST_BARS],
         "groups": account.groups,
         "colours": {

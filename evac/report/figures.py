@@ -17,6 +17,7 @@ from evac.analysis.congestion import Queue
 from evac.analysis.lines import LineFlow
 from evac.analysis.maps import QUANTITIES, LevelMaps
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.errors import counted
 from evac.building.model.building import Building
 from evac.building.model.storeys import storeys
 from evac.pictures import palette
@@ -29,6 +30,7 @@ from evac.pictures.scales import MAPS as SCALES
 from evac.pictures.writing import legible_figure, listed
 from evac.results.answer import time_of_share
 from evac.results.results import Results
+from evac.results.verdict import LeastMargin
 from evac.trajectory.trajectory import Trajectory
 
 #: Greatest width and height of all plans together, so that they are printed as large as they are drawn [inches].
@@ -146,6 +148,41 @@ def inside(trajectory: Trajectory, rows: IntArray) -> Picture:
         name.set_text(f"{name.get_text()}: {len(x)} inside")
     caption = f"People who were still inside at {frame['time']:.1f} s, {len(place)} in all, as red marks."
     return drawing(plans_.figure, caption, caption)
+
+
+#: Shapes of marks in words.
+NAMES = {"v": "red triangles", "s": "orange squares", "D": "blue diamonds", ".": "grey dots"}
+
+#: Marks of people by their margins: up to so many seconds, with colour, shape and size.
+MARGINS = (
+    (0.0, palette.CLOSED, "v", 5.0),
+    (30.0, palette.GROUPS[1], "s", 4.0),
+    (120.0, palette.GROUPS[4], "D", 2.5),
+    (math.inf, palette.NOTHING, ".", 3.0),
+)
+
+
+def margins(trajectory: Trajectory, found: Sequence[LeastMargin]) -> Picture:
+    """Return plans of the storeys with marks where people had their least margins."""
+    plans_ = draw_plans(trajectory.building, None, side=0.1, greatest=PLANS)
+    least, level = np.array([one.margin for one in found]), np.array([one.level for one in found])
+    place, words, low = np.array([(one.x, one.y) for one in found]), list[str](), -math.inf
+    for high, colour, shape, size in MARGINS:
+        is_such = (least >= low) & (least < high)
+        for axes, levels in zip(plans_.axes, plans_.levels, strict=True):
+            x, y = place[is_such & np.isin(level, [shown.name for shown in levels])].T
+            axes.plot(x, y, shape, color=colour, markersize=size, markeredgewidth=0.0, zorder=6 + size)
+        reach = (
+            f"below {high:g} s"
+            if math.isinf(low)
+            else f"from {low:g} s on"
+            if math.isinf(high)
+            else f"{low:g} to {high:g} s"
+        )
+        words.append(f"{NAMES[shape]} {reach}: {counted(int(is_such.sum()), 'person', 'people')}")
+        low = high
+    caption = f"Where each person had the least margin on its way; {', '.join(words)}."
+    return drawing(plans_.figure, caption, caption, "plans")
 
 
 def egress(run: Results) -> Picture:

@@ -28,7 +28,7 @@ from evac.report.pages import APPENDIX, Cell, Section, fixed, section
 from evac.results.answer import time_of_share
 from evac.results.recordedcase import CaseTable, GroupTable
 from evac.results.results import Results
-from evac.results.verdict import BY, judged
+from evac.results.verdict import BY, judged, least_margins
 from evac.trajectory.trajectory import Trajectory
 
 
@@ -417,11 +417,35 @@ def fire_section(run: Results) -> Section:
     )
 
 
+#: Greatest number of people with the least margins.
+MOST_MARGINS = 10
+
+
 def margins_section(run: Results) -> Section | None:
     """Return the section with available and required times by compartment; None if the case sets no limit."""
     if run.safety is None:
         return None
-    return section("margins", MARGINS, rows=safety_cells(run.safety), factor=run.safety["factor"])
+    all_ = least_margins(run.margins, run.trajectory) if run.trajectory else []
+    names = run.group_names()
+    worst = [
+        (
+            one.person,
+            names[one.person],
+            f"{one.margin:.1f}",
+            f"{one.time:.1f}",
+            one.level,
+            f"({one.x:.1f}, {one.y:.1f})",
+        )
+        for one in all_[:MOST_MARGINS]
+    ]
+    return section(
+        "margins",
+        MARGINS,
+        rows=safety_cells(run.safety),
+        factor=run.safety["factor"],
+        worst=worst,
+        picture=figures.margins(run.trajectory, all_) if run.trajectory and all_ else None,
+    )
 
 
 def safety_cells(safety: Mapping[str, Any]) -> list[tuple[object, ...]]:

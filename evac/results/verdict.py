@@ -2,9 +2,15 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+import numpy as np
 from typing_extensions import TypedDict
+
+from evac.base.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from evac.trajectory.trajectory import Trajectory
 
 #: What is said where no limit is set.
 NO_LIMIT = "No limit set: a table [safety] in the case sets one"
@@ -97,3 +103,32 @@ def bars(safety: Mapping[str, Any] | None) -> list[dict[str, Any]]:
     """Return what bars over time show of compartments: name, status, text, limit and required time; the worst first."""
     rows = [] if safety is None else sorted(judged(safety), key=lambda row: row["margin_with_factor"])
     return [{name: row[name] for name in ("name", "status", "text", "limit", "required")} for row in rows]
+
+
+class LeastMargin(NamedTuple):
+    """The least margin of a person on its way [s], when, and where: a level and a place in plan [m]."""
+
+    person: int
+    margin: float
+    time: float
+    level: str
+    x: float
+    y: float
+
+
+def least_margins(
+    margins: Mapping[str, FloatArray], trajectory: "Trajectory", most: int | None = None
+) -> list[LeastMargin]:
+    """Return the least margins of people (`Results.margins`), the worst first, with the nearest recorded places."""
+    if not margins:
+        return []
+    least, at = margins["least_margin"], margins["least_margin_at"]
+    found = []
+    for person in np.argsort(least, kind="stable")[: np.isfinite(least).sum()][:most].tolist():
+        rows = trajectory.rows[trajectory.nearest(at[person])]
+        own = np.flatnonzero(rows.person == person)
+        if len(own):  # who leaves soon after it came may be in no recorded state
+            x, y = (rows.motion[own[0], :2].astype(np.float64) + trajectory.origin).tolist()
+            level = trajectory.building.levels[rows.level[own[0]]].name
+            found.append(LeastMargin(person, float(least[person]), float(at[person]), level, x, y))
+    return found

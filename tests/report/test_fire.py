@@ -3,7 +3,9 @@
 import pytest
 
 import evac
+from evac.replay.account import account_of_run, texts
 from evac.report.of_run import run_report
+from evac.results.verdict import bars
 from tests.conditions.corridor import corridor, prescribed
 
 from .conftest import Page
@@ -46,6 +48,14 @@ def test_the_verdict_and_the_times_of_compartments_are_those_of_the_results(tmp_
     times = [f"{time:.1f}" for time in (left, 3.0, 3.0 - left, 3.0 - 2.0 * left, 3.0 - left)]
     assert [*row[:4], *row[5:7]] == ["f", "1", *times[:4]]
     assert float(row[7]) == pytest.approx(3.0 - left, abs=0.2)
+    (worst,) = page.table("The people with the least margins")[1:]
+    assert worst[:3] == ["0", "p", f"{results.margins['least_margin'][0]:.1f}"]
+    assert worst[4] == "f"
+    assert "red triangles below 0 s: 1 person" in page.text
+    account = account_of_run(results)
+    assert [one.person for one in account.margins] == [0]
+    assert results.verdict["text"] in texts(account)["answer"]
+    assert [(one["name"], one["status"], one["limit"]) for one in bars(account.safety)] == [("f", "red", 3.0)]
     assert results.verdict["text"] in page.text
     assert (page.fact("Project"), page.fact("Author")) == ("A house", "B")
 

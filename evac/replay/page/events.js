@@ -53,6 +53,19 @@ function drawBars(rows, { begin, end }) {
     <i style="width: ${at(limit)}"></i>${required === null ? "" : `<b style="left: ${at(required)}"></b>`}<span>${escaped(name)}</span></div>`).join("");
 }
 
+// The people with the least margins; a click selects one of them and goes to the time.
+function listMargins(rows, go) {
+  by("margin-section").hidden = !rows.length;
+  for (const { person, time, text } of rows) {
+    const item = document.createElement("li"), button = document.createElement("button");
+    button.type = "button";
+    button.innerHTML = `<span></span><span>${time.toFixed(2)} s</span><span>${escaped(text)}</span>`;
+    button.addEventListener("click", () => go(person, time));
+    item.append(button);
+    by("margins").append(item);
+  }
+}
+
 class TimeLine {
   constructor(events, { begin, end }, seek) {
     this.events = events;

@@ -36,6 +36,7 @@ async function start() {
   const atFirst = { time: record.begin, speed: 1, quantity: motion.dose.length ? "dose" : "group", view: "3d", storey: -1, layer: airs[0] ?? "plain", service: "", highlighted: null, hasPaths: false, clip: WHOLE };
   const state = { ...atFirst, isPlaying: false, spread: 1, selected: null, isFollowed: false, measuring: "", pixels: MOST_PIXELS, took: 0 };
   drawBars(record.safety, record);
+  listMargins(record.margins, (person, time) => { act.seek(time); act.select(person); });
   const timeLine = new TimeLine(findEvents(record, series), record, (time) => act.seek(time));
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
   let look = {}, built = null, isStale = true, last = null, told = 0, felt = 0;
