@@ -119,13 +119,13 @@ class LeastMargin(NamedTuple):
 def least_margins(
     margins: Mapping[str, FloatArray], trajectory: "Trajectory", most: int | None = None
 ) -> list[LeastMargin]:
-    """Return the least margins of people (`Results.margins`), the worst first, with the nearest recorded places."""
+    """Return the least margins of people (`Results.margins`), the worst first, with the last places recorded until then."""
     if not margins:
         return []
     least, at = margins["least_margin"], margins["least_margin_at"]
     found = []
     for person in np.argsort(least, kind="stable")[: np.isfinite(least).sum()][:most].tolist():
-        rows = trajectory.rows[trajectory.nearest(at[person])]
+        rows = trajectory.rows[max(int(np.searchsorted(trajectory.time, at[person] + 1e-9)) - 1, 0)]
         own = np.flatnonzero(rows.person == person)
         if len(own):  # who leaves soon after it came may be in no recorded state
             x, y = (rows.motion[own[0], :2].astype(np.float64) + trajectory.origin).tolist()

@@ -1,5 +1,7 @@
 """The section of a report on smoke, gases and heat, and the limits that a report states."""
 
+import html
+
 import pytest
 
 import evac
@@ -54,7 +56,7 @@ def test_the_verdict_and_the_times_of_compartments_are_those_of_the_results(tmp_
     assert "red triangles below 0 s: 1 person" in page.text
     account = account_of_run(results)
     assert [one.person for one in account.margins] == [0]
-    assert results.verdict["text"] in texts(account)["answer"]
+    assert results.verdict["text"] in html.unescape(texts(account)["answer"])
     assert [(one["name"], one["status"], one["limit"]) for one in bars(account.safety)] == [("f", "red", 3.0)]
     assert results.verdict["text"] in page.text
     assert (page.fact("Project"), page.fact("Author")) == ("A house", "B")
