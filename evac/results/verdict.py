@@ -119,7 +119,7 @@ class LeastMargin(NamedTuple):
 def least_margins(
     margins: Mapping[str, FloatArray], trajectory: "Trajectory", most: int | None = None
 ) -> list[LeastMargin]:
-    """Return the least margins of people (`Results.margins`), the worst first, with the last places recorded until then."""
+    """Return the least margins of people (`Results.margins`), worst first, with the last places recorded by then."""
     if not margins:
         return []
     least, at = margins["least_margin"], margins["least_margin_at"]
