@@ -149,7 +149,7 @@ class _Exceeding:
             row, column = np.nonzero(inside & (self.total == duration))
             centre = self._grid.origin + self._grid.spacing * (np.array([column.mean(), row.mean()]) + 0.5)
             yield CongestedPlace(
-                level=level.name,
+                level=level.title,
                 near=_nearest(building, level, centre),
                 x=float(centre[0]),
                 y=float(centre[1]),

@@ -224,7 +224,8 @@ def _of_link(
         return LineFlow(
             link.kind, link.name, link.levels, link.segments, link.width, ("out", "in"), person, time, forward
         )
-    names = [building.levels[index].name for index in link.levels]
+    one, other = (building.levels[index] for index in link.levels)
+    names = [one.name, other.name] if one.title == other.title else [one.title, other.title]
     what = link.kind, link.name, link.levels, link.segments, link.width, (f"to {names[1]}", f"to {names[0]}")
     return LineFlow(*what, person, time, forward)
 

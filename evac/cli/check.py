@@ -21,7 +21,7 @@ from evac.folder.resultfolder import find_result, is_within
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from evac.building.model.building import Building, Exit, Portal
+    from evac.building.model.building import Building, Exit, Level, Portal
     from evac.building.model.findings import Finding
     from evac.case.case import Case
     from evac.simulation.simulation import Simulation
@@ -312,27 +312,18 @@ def _draw(path: Path | None, building: "Building", findings: "Sequence[Finding]"
 def show_building(building: "Building", is_verbose: bool) -> None:
     """Show levels, portals, exits, doors, areas, stairs and assumptions; portals within stairs only if verbose."""
     show_facts({"building": building.source, "walls": f"{len(building.walls)} segments"})
-    levels = [
-        (
-            level.name,
-            level.kind,
-            _span(level.z_min, level.z_max),
-            round(level.polygon.area, 2),
-            round(math.degrees(level.slope), 1),
-            "level"
-            if level.slope == 0.0
-            else f"{'ramp' if level.is_ramp else 'stair'} 1:{1.0 / math.tan(level.slope):.3g}",
-            int((building.wall_level == level.index).sum()),
-        )
-        for level in building.levels
-    ]
-    title = (
-        "Levels. Slopes below building.flat_angle are level; up to building.ramp they are ramps, walked at the speed on"
-    )
-    title += " the level; others are stairs, walked at speed_up and speed_down"
+
+    def row_of(level: "Level") -> tuple[object, ...]:
+        kind = "ramp" if level.is_ramp else "stair"
+        ratio = f"{kind} 1:{1.0 / math.tan(level.slope):.3g}" if level.slope else "level"
+        area, slope = round(level.polygon.area, 2), round(math.degrees(level.slope), 1)
+        walls = int((building.wall_level == level.index).sum())
+        return level.name, level.kind, _span(level.z_min, level.z_max), area, slope, ratio, walls
+
+    title = "Levels" if is_verbose else "Levels (without the flights and landings of stairs)"
     columns = ("level", "kind", "z [m]", "plan [m2]", "slope [deg]", "walked as", "walls")
-    show_table(title if any(level.slope for level in building.levels) else "Levels", columns, levels)
-    names = [level.name for level in building.levels]
+    show_table(title, columns, [row_of(one) for one in building.levels if is_verbose or one.stair is None])
+    names = [level.title for level in building.levels]
 
     def state(link: "Portal | Exit") -> str:
         return "open" if building.is_open(link) else "closed"
@@ -351,8 +342,19 @@ def show_building(building: "Building", is_verbose: bool) -> None:
     show_table("Areas", ("area", "level", "m2"), areas)
     places = [(p.name, p.kind, names[p.level], p.area or p.exit, p.use) for p in building.places]
     show_table("Places and lines", ("name", "kind", "level", "area or exit", ""), places)
-    stairs = [(name, ", ".join(names[index] for index in levels)) for name, levels in building.stairs.items()]
-    show_table("Stairs", ("stair", "levels, from top to bottom"), stairs)
+    shaft_of = {stair: shaft for shaft, stairs in building.shafts.items() for stair in stairs}
+    stairs = []
+    for name, pieces in building.stairs.items():
+        parts = [building.levels[index] for index in pieces]
+        slope, ratio = row_of(max(parts, key=lambda level: level.slope))[4:6]
+        heights = _span(min(level.z_min for level in parts), max(level.z_max for level in parts))
+        number = sum(level.kind == "flight" for level in parts)
+        stairs.append((name, shaft_of[name], heights, number, slope, ratio))
+    title = (
+        "Stairs. Slopes below building.flat_angle are level; up to building.ramp they are ramps, walked at the speed on"
+    )
+    title += " the level; others are stairs, walked at speed_up and speed_down"
+    show_table(title, ("stair", "shaft", "z [m]", "flights", "steepest [deg]", "walked as"), stairs)
     assumed = [(finding.kind, finding.where, finding.text) for finding in building.findings if finding.kind in ASSUMED]
     show_table("Assumed, repaired or left out", ("kind", "place", "description"), assumed)
 
@@ -372,11 +374,12 @@ def show_people(simulation: "Simulation") -> None:
     with np.errstate(divide="ignore", invalid="ignore"):
         # A length of 0 takes no time, even at speed 0.
         time = np.where(lengths > 0.0, lengths / crowd.speed, 0.0).sum(axis=1)
-    names = [level.name for level in simulation.building.levels]
+    names = [level.title for level in simulation.building.levels]
     rows = []
     for group in in_order(population.groups):
         inside = group.rows[crowd.level[group.rows] >= 0]
-        levels = ", ".join(names[index] for index in np.unique(crowd.level[inside])) or "they arrive"
+        on = {names[index]: None for index in np.unique(crowd.level[inside]).tolist()}
+        levels = ", ".join(on) or "they arrive"
         goes = inside[np.isfinite(crowd.start_time[inside])]
         unimpeded = f"{time[goes].min():.1f} to {time[goes].max():.1f}" if len(goes) else ""
         radius = _span(crowd.radius[group.rows].min(), crowd.radius[group.rows].max()) if len(group.rows) else ""

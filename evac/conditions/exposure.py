@@ -90,7 +90,7 @@ class Exposure(Saved):
     def __init__(self, case: "Case", scene: "Scene", crowd: Crowd, groups: Sequence[Group]) -> None:
         self._case, self._crowd, self._dose, self._law = case, crowd, case.dose, law_of(case)
         self._needed = quantities_needed(case, self._law)
-        self._levels = [level.name for level in scene.building.levels]
+        self._levels = [level.title for level in scene.building.levels]
         self.air = air = Air(case, scene.building, heads_of(case), self._needed)
         self._check_needed()
         wanted = {"extinction", *IRRITANTS}

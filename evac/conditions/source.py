@@ -122,9 +122,9 @@ class SourceScene:
             return [level.index for level in levels]
         indices = []
         for name in (named,) if isinstance(named, str) else named:
-            own = [level.index for level in levels if name in (level.name, level.stair)]
+            own = [part.level for part in self.building.parts_named(name)]
             if not own:
-                known = [level.name for level in levels] + [level.stair for level in levels if level.stair]
+                known = [level.name for level in levels] + [*self.building.stairs, *self.building.shafts]
                 raise ScenarioError(f"level: there is no level or stair {name!r}; {did_you_mean(name, known)}")
             indices += own
         return indices

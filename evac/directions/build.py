@@ -435,8 +435,7 @@ def _within(grids: BuildingGrids, names: Iterable[str]) -> BoolArray:
     These strips, and outlines along walls, would otherwise be ways of their own, in which people are stuck at posts.
     """
     found = np.zeros(grids.size, np.bool_)
-    for area in map(grids.building.area_named, names):
-        assert area is not None
+    for area in (part for name in names for part in grids.building.parts_named(name)):
         grid = grids.levels[area.level]
         free = grids.building.levels[area.level].polygon - area.polygon
         strips = shapely.get_parts(free - free.buffer(-grids.clearance).buffer(grids.clearance))

@@ -148,16 +148,18 @@ class Population(Saved):
         ScenarioError
             There is nothing of this name.
         """
-        crowd, area = self.crowd, building.area_named(name)
+        crowd, parts = self.crowd, building.parts_named(name)
         is_in = crowd.level >= 0
-        if area is not None:
-            is_in = crowd.level == area.level
-            is_in[is_in] = shapely.intersects_xy(area.polygon, *crowd.position[is_in].T)
+        if parts:
+            is_in[:] = False
+            for part in parts:
+                here = np.flatnonzero(crowd.level == part.level)
+                is_in[here] = shapely.intersects_xy(part.polygon, *crowd.position[here].T)
         elif name:
             groups = [group.name for group in self.groups]
             if name not in groups:
-                known = groups + [area.name for area in building.areas] + [level.name for level in building.levels]
-                raise ScenarioError(f"no area, level or group is named {name!r}; {did_you_mean(name, known)}")
+                known = groups + [area.name for area in building.areas] + [level.title for level in building.levels]
+                raise ScenarioError(f"no area, level, stair or group is named {name!r}; {did_you_mean(name, known)}")
             is_in &= crowd.group == groups.index(name)
         return np.flatnonzero(is_in).astype(np.int32)
 

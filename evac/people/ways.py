@@ -82,7 +82,7 @@ def cut_off(building: Building, fields: Fields, crowd: Crowd, groups: "tuple[Gro
     """Return a warning for each group of which people have no way left to any exit, or to the end of their route."""
     lines = []
     for group, lost in _without_way(fields, crowd, groups):
-        levels = ", ".join(repr(building.levels[level].name) for level in np.unique(crowd.level[lost]).tolist())
+        levels = ", ".join(repr(building.levels[level].title) for level in np.unique(crowd.level[lost]).tolist())
         routes = np.unique(crowd.route[lost]).tolist()
         ends = " or ".join(sorted({fields.routes[route].refuge or "any exit" for route in routes}))
         lines.append(
@@ -134,7 +134,7 @@ def _check_walks(
                 what = f"do not arrive at an exit along the directions {fields.routes[route]!s}"
                 raise ScenarioError(
                     f"{_affected(source, building, crowd, group, lost, what)}; they end at ({x:.2f}, {y:.2f}) on level "
-                    f"{building.levels[int(level)].name!r}: check for a gap there narrower than two cells of "
+                    f"{building.levels[int(level)].title!r}: check for a gap there narrower than two cells of "
                     f"directions.spacing = {fields.packed.spacing:g} m, and choose a smaller spacing"
                 )
     return ends
@@ -232,7 +232,7 @@ def _affected(source: "Path", building: Building, crowd: Crowd, group: "Group", 
     x, y = crowd.position[rows[0]]
     return (
         f"{source}: people.{group.name}: {rows.size} of {len(group.rows)} people {what}, "
-        f"the first at ({x:.2f}, {y:.2f}) on level {building.levels[crowd.level[rows[0]]].name!r}"
+        f"the first at ({x:.2f}, {y:.2f}) on level {building.levels[crowd.level[rows[0]]].title!r}"
     )
 
 

@@ -41,6 +41,7 @@ def building_for_page(building: Building, origin: FloatArray) -> tuple[dict[str,
         shapely.contains_xy(level.polygon, *cells.centres()).ravel()
         for level, cells in zip(building.levels, grids, strict=True)
     ]
+    shaft_of = {stair: shaft for shaft, stairs in building.shafts.items() for stair in stairs}
     page = {
         "cell": spacing,
         "vertices": _grains(building.vertices, origin).ravel().tolist(),
@@ -65,7 +66,9 @@ def building_for_page(building: Building, origin: FloatArray) -> tuple[dict[str,
             for door in building.doors
         ],
         "places": [_place(building, place, origin) for place in building.places],
-        "stairs": [{"name": name, "levels": list(levels)} for name, levels in building.stairs.items()],
+        "stairs": [
+            {"name": name, "shaft": shaft_of[name], "levels": list(levels)} for name, levels in building.stairs.items()
+        ],
     }
     return page, np.packbits(np.concatenate(on_floor))
 
@@ -84,7 +87,7 @@ def _level(building: Building, level: Level, origin: FloatArray) -> dict[str, An
     is_low = _are_sides(walls, furniture)
     tops = triangles_on(building, level.index, shapely.multipolygons(furniture)) if furniture else np.zeros((0, 3))
     return {
-        "name": level.name,
+        "name": level.title,
         "kind": level.kind,
         "plane": [round(c + a * origin[0] + b * origin[1], 5), round(a, 7), round(b, 7)],
         "uneven": not is_even(building, level),

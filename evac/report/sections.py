@@ -89,7 +89,7 @@ def levels_section(trajectory: Trajectory) -> Section:
             if level.stair is None
         ],
         portals=[
-            (p.name, *(levels[k].name for k in p.levels), fixed(p.width, 2), states[p.index])
+            (p.name, *(levels[k].title for k in p.levels), fixed(p.width, 2), states[p.index])
             for p in building.portals
             if states[p.index] != "open" or all(levels[k].stair is None for k in p.levels)
         ],
@@ -258,14 +258,14 @@ def times_section(run: Results) -> Section:
         times = exit_time[run.crowd.exit_used == index]
         first = fixed(float(times.min()), 1) if times.size else None
         exits.append((name, use["people"], first, fixed(use["last_out"], 1), *_width_and_flows(use)))
-    levels = Counter(place["level"] for place in run.stuck_places)
+    stuck = Counter(place["level"] for place in run.stuck_places)
     return section(
         "times",
         "Course and evacuation times",
         course=figures.course(motion, exit_time[leaving]) if motion else [],
         looks=colouring(motion, "group").legend if motion else (),
         inside=figures.inside(motion, left) if motion and len(left) else None,
-        stuck=[(name, levels[name]) for name in run.levels if levels[name]],
+        stuck=list(stuck.items()),
         curve=figures.egress(run),
         shares=[
             (f"{share} %", math.ceil(share / 100.0 * len(leaving)), _time_of(share, exit_time[leaving]))
@@ -299,13 +299,12 @@ def places_section(run: Results, id_: str = "places", name: str = "") -> Section
             for name, use in places.items()
         ]
 
-    inner = {level.name for level in run.trajectory.building.levels if level.stair} if run.trajectory else set()
     return section(
         id_,
         f"{APPENDIX}{name}levels, stairs and flows",
         "places",
         run=run,
-        levels=[row for row in rows(run.levels) if row[0] not in inner],
+        levels=rows(run.levels),
         stairs=rows(run.stairs),
         flows=_flow_rows(run.flow_totals),
     )

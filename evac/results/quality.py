@@ -201,17 +201,17 @@ def _where(seen: Observation, levels: Sequence[str]) -> str:
 
 def remarks_of(results: "Results") -> tuple[str, ...]:
     """Return a line for each kind of people who did not leave by their route, and the notes of behaviours."""
-    people, level, names = results.number_of_people, results.crowd.level, list(results.levels)
-    stopped = set(results.stopped.tolist())
-    leaving = level[[row for row in results.leaving.tolist() if row not in stopped]]
+    people, level = results.number_of_people, results.crowd.level
+    leaving = np.setdiff1d(results.leaving, results.stopped)
+    inside = leaving[level[leaving] >= 0]
     lines = []
     for place in (one for one in results.places if one.people):
         room = "" if place.capacity is None else f", which has room for {place.capacity}"
         lines.append(f"{_number(len(place.people))} at {place}{room}")
     lines = ["; ".join(lines)] if lines else []  # one line, of which an answer shows all places or none
-    if left := int((leaving >= 0).sum()):
-        number = Counter(leaving[leaving >= 0].tolist())
-        where = ", ".join(f"{number[index]} on {names[index]!r}" for index in sorted(number))
+    if left := len(inside):
+        number = Counter(results.titles_at(inside[np.argsort(level[inside], kind="stable")].tolist()))
+        where = ", ".join(f"{people_there} on {name!r}" for name, people_there in number.items())
         waiting = results.not_started
         wait = f"; {waiting} of them had not started, because their response time was not over" if waiting else ""
         lines.append(f"{_number(left)} still inside: {where}{wait}")
@@ -244,7 +244,7 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
             )
         lines.append(
             f"{_number(len(results.stuck))} without progress at the end, the first at ({x:.2f}, {y:.2f}) on "
-            f"{names[level[first]]!r}: {why}"
+            f"{results.titles_at([first])[0]!r}: {why}"
         )
     return (*lines, *results.notes)
 

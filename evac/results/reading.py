@@ -133,7 +133,7 @@ def _with_people(results: Results, place: Path, derived: Any) -> Results:
     more = () if results.conditions is None else EXPOSURE_COLUMNS
     margins = () if results.safety is None else MARGIN_COLUMNS
     table = _Table(place / PEOPLE_NAME, PEOPLE_COLUMNS + more + margins)
-    levels, exits = list(results.levels), list(results.exits)
+    levels, exits = results.level_names, list(results.exits)
     group = table.indices("group", [group.name for group in groups], optional=True)
     crowd = _crowd_of(table, levels, exits, results.routes, group)
     start_level = table.indices("start_level", levels, optional=True)
@@ -148,7 +148,7 @@ def _with_people(results: Results, place: Path, derived: Any) -> Results:
         ),
         start_position=table.pairs("start_x", "start_y"),
         start_level=start_level,
-        crossings=_crossings(place / CROSSINGS_NAME, derived.people, list(results.portals)),
+        crossings=_crossings(place / CROSSINGS_NAME, derived.people, results.portal_names),
         stuck=tuple(row["person"] for row in derived.stuck),
         exposure={name: table.numbers(name, 0.0, optional=name == "stopped_at") for name in more},
         margins={name: table.numbers(name, optional=True) for name in margins},

@@ -116,6 +116,13 @@ class PortalUse(TypedDict):
     passages: Count
 
 
+class StairUse(Occupancy):
+    """Use of a stair, and the indices of its pieces among all levels and of the portals within it."""
+
+    pieces: Mapping[str, Count]
+    portals: Mapping[str, Count]
+
+
 class DoorRow(TypedDict):
     """A door between rooms; its width [m] is clear."""
 
@@ -206,12 +213,13 @@ class Results:
     """For each exit: people, last time [s], width [m], flow between the first and the last fifth of the people [1/s],
     and this flow per metre of width. Flows need at least 20 people, not all at the same time."""
     portals: Mapping[str, PortalUse]
-    """For each portal between levels: the levels, width [m], number of passages in both directions."""
+    """For each portal between floors and stairs: these, width [m], number of passages in both directions."""
     levels: Mapping[str, Occupancy]
-    """For each level: number of people who used it, greatest number at one time, time at which the last person left it
-    [s]."""
-    stairs: Mapping[str, Occupancy]
-    """The same of each stair."""
+    """For each level that is not a piece of a stair: number of people who used it, greatest number at one time, time at
+    which the last person left it [s]."""
+    stairs: Mapping[str, StairUse]
+    """The same of each stair, from storey to storey; with the index of each of its flights and landings (`pieces`)
+    among all levels, and of each of the `portals` between these among all portals."""
     doors: Sequence[DoorRow] = ()
     """Name, level and clear width [m] of each door between rooms that the building file names, as plans do."""
     routes: Annotated[Sequence[Route], Field(min_length=1)]
@@ -481,7 +489,13 @@ class Results:
         """For each exit, portal, door and line of the case, and each direction in which somebody passed: people, first
         and last time [s], width [m], and the flow between the first and the last fifth of the people.
         """
-        return totals(self.flows)
+        return totals(self._flows_of_ends)
+
+    @property
+    def _flows_of_ends(self) -> list[LineFlow]:
+        """The flows but for those between the pieces of a stair."""
+        within = {portal for stair in self.stairs.values() for portal in stair["portals"]}
+        return [line for line in self.flows if line.name not in within]
 
     @cached_property
     def flows(self) -> tuple[LineFlow, ...]:
@@ -512,7 +526,7 @@ class Results:
     def _people_columns(self) -> list[list[Any]]:
         """Return the columns of the people table, in the order of `people_columns`."""
         crowd = self.crowd
-        levels, exits = [*self.levels, None], [*self.exits, None]  # None: index -1
+        levels, exits = [*self.level_names, None], [*self.exits, None]  # None: index -1
         routes = [str(route) for route in self.routes]
         return [
             list(range(self.number_of_people)),
@@ -538,6 +552,21 @@ class Results:
             ),
         ]
 
+    @cached_property
+    def level_names(self) -> list[str]:
+        """Names of all levels by their index, those of flights and landings, too."""
+        return _by_index(self.levels, [stair["pieces"] for stair in self.stairs.values()])
+
+    @cached_property
+    def portal_names(self) -> list[str]:
+        """Names of all portals by their index, those within stairs, too."""
+        return _by_index(self.portals, [stair["portals"] for stair in self.stairs.values()])
+
+    def titles_at(self, rows: Iterable[int]) -> list[str]:
+        """Return the name of the floor or stair on which each of some people is at the end."""
+        stair_of = {piece: name for name, stair in self.stairs.items() for piece in stair["pieces"].values()}
+        return [stair_of.get(level, self.level_names[level]) for level in self.crowd.level[list(rows)].tolist()]
+
     def group_names(self) -> list[str]:
         """Return the name of each person's group, empty for people without group."""
         names = [""] * self.number_of_people
@@ -551,11 +580,10 @@ class Results:
         """Person, level, x, y of the people inside at the end who had made no progress towards an exit for 10 s, or for
         `no_progress` if that is shorter.
         """
-        levels, crowd = list(self.levels), self.crowd
-        return [
-            StuckPlace(person=int(row), level=levels[crowd.level[row]], x=x, y=y)
-            for row, (x, y) in zip(self.stuck, crowd.position[list(self.stuck)].tolist(), strict=True)
-        ]
+        places = zip(
+            self.stuck, self.titles_at(self.stuck), self.crowd.position[list(self.stuck)].tolist(), strict=True
+        )
+        return [StuckPlace(person=int(row), level=level, x=x, y=y) for row, level, (x, y) in places]
 
     @cached_property
     def case_table(self) -> CaseTable:
@@ -596,13 +624,12 @@ class Results:
         ResultError
             A file cannot be written.
         """
-        flows = flow_rows(self.flows, self.time)
+        flows = flow_rows(self._flows_of_ends, self.time)
         egress = zip(*(column.tolist() for column in self.egress()), strict=True)
         write_csv(folder / EGRESS_NAME, EGRESS_COLUMNS, egress)
         write_csv(folder / PEOPLE_NAME, self.people_columns, zip(*self._people_columns(), strict=True))
         write_csv(folder / FLOWS_NAME, FLOWS_COLUMNS, flows)
-        if self.portals:
-            names = list(self.portals)
+        if names := self.portal_names:
             person, portal, time = (column.tolist() for column in self.crossings)
             rows = zip(person, (names[index] for index in portal), time, strict=True)
             write_csv(folder / CROSSINGS_NAME, CROSSINGS_COLUMNS, rows)
@@ -622,6 +649,13 @@ class Results:
 DERIVED = {name: value for name, value in vars(Results).items() if isinstance(value, Derived)}
 
 
+def _by_index(names: Iterable[str], pieces: Iterable[Mapping[str, int]]) -> list[str]:
+    """Return names in the order of their indices: those of some pieces are given, and the others lie between them."""
+    known, others = {index: name for one in pieces for name, index in one.items()}, list(names)
+    rest = iter(others)
+    return [known.get(index) or next(rest) for index in range(len(others) + len(known))]
+
+
 def results_of(
     *,
     case: "Case",
@@ -638,10 +672,17 @@ def results_of(
 ) -> Results:
     """Return the results of a run, with the tables and quality warnings that follow from its data."""
     moves = moves_of(building, start_level, crossings, crowd.exit_time, crowd.arrival_time)
-    levels = {level.name: moves.occupancy([level.index]) for level in building.levels}
-    stairs = {name: moves.occupancy(own) for name, own in building.stairs.items()}
+    levels = {level.name: moves.occupancy([level.index]) for level in building.levels if level.stair is None}
     exits = exit_table(building, crowd.exit_used, crowd.exit_time)
-    names = [level.name for level in building.levels]
+    names = [level.title for level in building.levels]
+    stairs = {
+        name: StairUse(
+            **moves.occupancy(own),
+            pieces={level.name: level.index for level in building.levels if level.index in own},
+            portals={one.name: one.index for one in building.portals if set(one.levels) <= set(own)},
+        )
+        for name, own in building.stairs.items()
+    }
     models, behaviours = case.registry.contact_models, case.registry.behaviours
     rigid = [name for name, model in models.items() if model.rigid and name != case.contact.model]
     keepers = [name for name, behaviour in behaviours.items() if behaviour.keeps_distance]
@@ -671,6 +712,7 @@ def results_of(
                 levels=(names[portal.levels[0]], names[portal.levels[1]]), width=portal.width, passages=passages[k]
             )
             for k, portal in enumerate(building.portals)
+            if names[portal.levels[0]] != names[portal.levels[1]]
         },
         levels=levels,
         stairs=stairs,

@@ -189,7 +189,7 @@ def make_engine(simulation: "Simulation", behaviours: "Sequence[Behaviour]") -> 
         people,
         simulation.forces,
         simulation.full,
-        [level.name for level in scene.building.levels],
+        [level.title for level in scene.building.levels],
         simulation.registry.solvers,
         any(behaviour.stands_firm for behaviour in behaviours),
     )

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import shapely
 
 from evac.base.arrays import IntArray
 from evac.base.change import REMEDIES, Change, is_legal
@@ -186,8 +185,10 @@ class Timetable(Saved):
     def _area(self, name: str) -> float:
         """Return the area of an area or level [m2]."""
         building = self._scene.building
-        area = building.area_named(name)
-        if area is None:
-            known = [one.name for one in building.areas] + [one.name for one in building.levels]
-            raise ScenarioError(f"event.when.area: no area or level is named {name!r}; {did_you_mean(name, known)}")
-        return float(shapely.area(area.polygon))
+        parts = building.parts_named(name)
+        if not parts:
+            known = [one.name for one in building.areas] + [one.title for one in building.levels]
+            raise ScenarioError(
+                f"event.when.area: no area, level or stair is named {name!r}; {did_you_mean(name, known)}"
+            )
+        return float(sum(part.polygon.area for part in parts))

@@ -126,3 +126,23 @@ def test_a_flight_that_turns_back_is_divided(mesh, read, steps, end, parts):
     flights = [level.index for level in building.levels if level.kind == "flight"]
     assert len(flights) == parts
     assert sorted(building.stairs["stair 1"]) == flights
+
+
+def test_one_tag_through_storeys_is_a_stair_from_each_to_the_next(mesh, tmp_path):
+    """Three stairs of one tag: between floors, from a floor to a landing beside a floor, and on from this landing."""
+    for below in range(3):
+        x, z = 10.0 * below, 3.0 * below
+        for y, depth in ((0, 2), (2, 8)):
+            mesh.rectangle(x, y, x + 4, y + depth, z, tag=f"floor:storey {below}")
+        mesh.rectangle(x + 4, 0, x + 10, 2, z, z + 3, tag="stair:west")
+    mesh.rectangle(30, 0, 32, 2, 9, tag="stair:west").rectangle(30, 2, 32, 6, 9, tag="floor:top")
+    mesh.rectangle(32, 0, 36, 2, 9, 11, tag="stair:west").rectangle(36, 0, 40, 2, 11, tag="floor:roof")
+    mesh.edge((0, 0, 0), (0, 2, 0), "exit:out")
+    building = read_building(mesh.write_vtu(tmp_path / "a.vtu"))
+    pieces = {name: [building.levels[k].name for k in own] for name, own in building.stairs.items()}
+    assert list(pieces) == ["west 0", "west 1", "west 2", "west 3"]
+    assert pieces["west 2"] == ["west 2 landing z=9.00", "west 2 flight z=6.00..9.00"]
+    names = [portal.name for portal in building.portals]
+    assert names[:3] == ["storey 0 - west 0", "west 0 - storey 1", "storey 1 - west 1"]
+    assert "west 2 flight z=6.00..9.00 - west 2 landing z=9.00" in names
+    assert "west 2 - top" in names

@@ -8,6 +8,9 @@ import pytest
 from shapely import box
 
 from evac import BuildingError, Plan, load, read_building
+from evac.base.change import Change
+from evac.building.model.links import changed
+from evac.building.model.marks import marks_of
 from evac.building.plan.plantable import plan_of
 
 
@@ -187,3 +190,17 @@ def test_written_plans_are_read_as_equal_buildings(first, tmp_path):
         again = load(tmp_path / "case.toml")
         assert again.table == case.table
         assert same(plan_of(again.building.plan, Path("random"), Path()).building(), building)
+
+
+def test_a_change_of_a_stair_or_shaft_is_one_of_all_its_pieces():
+    building = house().building()
+    assert building.shafts == {"stair": ("stair 0", "stair 1")}
+    assert house().building().pieces_of("stair") == (*building.stairs["stair 0"], *building.stairs["stair 1"])
+    for name, stairs in {"stair 1": ["stair 1"], "stair": ["stair 0", "stair 1"]}.items():
+        pieces = {level.index for level in building.levels if level.stair in stairs}
+        closed = changed(building, Change(1.0, "close", name)).closed
+        assert closed == {portal.index for portal in building.portals if pieces & set(portal.levels)}
+        slow = changed(building, Change(1.0, "slow", name, {"value": 0.5}))
+        assert {mark.level for mark in marks_of(slow)} == pieces
+        up = changed(building, Change(1.0, "one_way", name, {"value": "up"}))
+        assert {link for link, _ in up.one_way} == closed

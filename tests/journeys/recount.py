@@ -51,7 +51,7 @@ class Recount:
     @cached_property
     def stays(self):
         """When each person is on which level: [from, to, person, level], from the tables alone."""
-        levels = {portal: use["levels"] for portal, use in self.summary["portals"].items()}
+        levels = {one["name"]: [self.levels[k]["name"] for k in one["levels"]] for one in self.building["portals"]}
         found = []
         for number, person in enumerate(self.people):
             if not person["arrival_time"]:
@@ -242,13 +242,16 @@ class Recount:
         found, level_of = {}, {}
         for crossing in self.crossings:
             level_of.setdefault(crossing["portal"], []).append(crossing)
+        until = {(person, end): level for _, end, person, level in self.stays}
         for way in self.building["portals"]:
-            names = [self.levels[index]["name"] for index in way["levels"]]
-            until = {(person, end): level for _, end, person, level in self.stays}
+            ends = [self.levels[index] for index in way["levels"]]
+            names = [end["stair"] or end["name"] for end in ends]
+            if names[0] == names[1]:
+                continue  # within a stair
             times = {name: [] for name in names[::-1]}
             for one in level_of.get(way["name"], []):
                 source = until[int(one["person"]), float(one["time"])]
-                times[names[1] if source == names[0] else names[0]].append(float(one["time"]))
+                times[names[source == ends[0]["name"]]].append(float(one["time"]))
             for name, passed in times.items():
                 if passed:
                     found["portal", way["name"], f"to {name}"] = sorted(passed), way["width"]

@@ -123,7 +123,7 @@ def test_people_of_the_replay_and_of_pictures_have_the_measures_of_the_trajector
             "Speed": f"{run.speed(one):.2f} m/s",
             "Waited so far": f"{waited:.1f} s",
             "Contact force": f"{rounded:g} N" if rounded >= 10 else "below 10 N",
-            "Level": run.levels[one["level"]]["name"],
+            "Level": run.levels[one["level"]]["stair"] or run.levels[one["level"]]["name"],
             "Exit time": f"{float(told['exit_time']):.2f} s" if told["exit_time"] else "did not get out",
             "Desired speed": f"{float(told['speed']):.2f} m/s",
             "Response time": "never" if told["response_time"] == "inf" else f"{float(told['response_time']):.2f} s",

@@ -49,7 +49,7 @@ def event(kind, target, time=None, **keys):
 def crossed(results, name, after):
     """Return how often each portal of a stair was crossed after a time."""
     _, portal, time = results.crossings
-    own = [one.index for one in results.building.portals if f"{name} flight" in one.name]
+    own = [one.index for one in results.building.portals if name in one.name.split(" - ")]
     return [int(((portal == index) & (time > after)).sum()) for index in own]
 
 
@@ -186,7 +186,7 @@ def test_people_who_must_pass_a_barred_area_behind_a_stair_leave_it_in_its_whole
     simulation = Simulation(house(event("bar", "ground", 0.0), event("close", "b", 0.0), **changes))
     run_ticks(simulation, 30)  # by which directions that follow the crowd are solved again
     building, routes = simulation.building, [str(route) for route in simulation.fields.routes]
-    (foot,) = (one for one in building.portals if one.name.startswith("ground") and "a flight" in one.name)
+    (foot,) = (one for one in building.portals if one.name == "ground - a")
     flight = foot.other(building.level_named("ground").index)
     places = np.column_stack([np.full(6, 2.15), np.linspace(1.1, 1.7, 6)])
     route = next(k for k, name in enumerate(routes) if "main" in name)

@@ -1,5 +1,6 @@
 """Data model of a building: levels, portals, exits, areas, walls. All classes are immutable."""
 
+import re
 from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -7,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
+import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
@@ -59,6 +61,11 @@ class Level:
     z_min: float
     z_max: float
     is_ramp: bool = False
+
+    @property
+    def title(self) -> str:
+        """Name by which it is shown: that of the stair of which it is a piece, or its own."""
+        return self.stair or self.name
 
     @property
     def climb(self) -> FloatArray:
@@ -265,7 +272,7 @@ class Building:
     wall_level : (w,) int32
         Level of each wall.
     stairs : dict of str to tuple of int
-        Levels of each stair, from top to bottom.
+        Levels of each stair, its pieces, from top to bottom. A stair leads from storey to storey.
     findings : tuple of Finding
         Warnings and other facts that do not prevent a run, with their places.
     closed : frozenset of int
@@ -338,6 +345,37 @@ class Building:
         area = next((area for area in self.areas if area.name == name), None)
         level = self.level_named(name)
         return area if area is not None or level is None else Area(level.name, level.index, level.polygon)
+
+    def parts_named(self, name: str) -> list[Area]:
+        """Return the area with a given name, or the levels of this name, or of a stair or shaft of it; or nothing."""
+        area = self.area_named(name)
+        levels = [self.levels[index] for index in self.pieces_of(name)]
+        return [area] if area is not None else [Area(level.name, level.index, level.polygon) for level in levels]
+
+    @cached_property
+    def shafts(self) -> dict[str, tuple[str, ...]]:
+        """Stairs above each other, from bottom to top, by their name without its number; one alone has its own name.
+
+        If their names differ, or if several shafts have the same, a shaft has those of its first and last stair, as
+        ``lower - upper``.
+        """
+        found: list[tuple[BaseGeometry, list[str]]] = []
+        for name in sorted(self.stairs, key=lambda one: min(self.levels[k].z_min for k in self.stairs[one])):
+            ground = shapely.union_all([self.levels[k].polygon for k in self.stairs[name]]).envelope
+            below = (own for box, own in found if shapely.contains(box, ground.centroid))
+            if (own := next(below, None)) is None:
+                found.append((ground, own := []))
+            own.append(name)
+        begins = [{own[0]} if len(own) == 1 else {re.sub(r"[\s\d]+$", "", one) for one in own} for _, own in found]
+        return {
+            "".join(begin) if len(begin) == 1 == begins.count(begin) else f"{own[0]} - {own[-1]}": tuple(own)
+            for begin, (_, own) in zip(begins, found, strict=True)
+        }
+
+    def pieces_of(self, name: str) -> tuple[int, ...]:
+        """Return the levels of a stair, or of all stairs of a shaft; none if neither has this name."""
+        stairs = (name,) if name in self.stairs else self.shafts.get(name, ())
+        return tuple(level for stair in stairs for level in self.stairs[stair])
 
     @property
     def condition(self) -> Hashable:

@@ -15,11 +15,11 @@ from evac.building.model.findings import Finding
 
 
 def links_named(building: Building, name: str) -> frozenset[int]:
-    """Return the links of an exit or portal with a given name, or the portals of a stair."""
+    """Return the links of an exit, portal or door with a given name, or the portals of a stair or shaft."""
     links = {number for number, link in enumerate(building.links) if link.name == name}
-    links |= {portal.index for level in building.stairs.get(name, ()) for portal in building.portals_of(level)}
+    links |= {portal.index for level in building.pieces_of(name) for portal in building.portals_of(level)}
     if not links:
-        known = [*(link.name for link in building.links), *building.stairs]
+        known = [*(link.name for link in building.links), *building.stairs, *building.shafts]
         raise BuildingError(
             f"{building.source}: no exit, portal, stair or door is named {name!r}; {did_you_mean(name, known)}"
         )
@@ -48,7 +48,8 @@ def _origin(building: Building, link: int, towards: str) -> int:
         if towards not in ("in", "out"):
             raise BuildingError(f"{building.source}: exit {way.name!r} does not lead to {towards!r}; use 'in' or 'out'")
         return way.level if towards == "out" else -1
-    ends = {building.levels[level].name: way.other(level) for level in way.levels}
+    ends = {building.levels[level].title: way.other(level) for level in way.levels}
+    ends |= {building.levels[level].name: way.other(level) for level in way.levels}
     if towards in ("up", "down"):
         low, high = sorted(way.levels, key=lambda k: building.levels[k].z_min + building.levels[k].z_max)
         return low if towards == "up" else high
@@ -104,10 +105,12 @@ def changed(building: Building, change: Change) -> Building:
 
 
 def _area(building: Building, name: str) -> str:
-    """Return the name of an area or level, if there is one."""
-    if building.area_named(name) is None:
-        known = [area.name for area in building.areas] + [level.name for level in building.levels]
-        raise BuildingError(f"{building.source}: no area or level is named {name!r}; {did_you_mean(name, known)}")
+    """Return the name of an area, level, stair or shaft, if there is one."""
+    if not building.parts_named(name):
+        known = [area.name for area in building.areas] + [level.title for level in building.levels]
+        raise BuildingError(
+            f"{building.source}: no area, level or stair is named {name!r}; {did_you_mean(name, known)}"
+        )
     return name
 
 
@@ -151,7 +154,7 @@ def close_links(building: Building, names: Sequence[str]) -> Building:
             closed |= links_named(building, name)
         except BuildingError as error:
             raise BuildingError(f"{error} (given as building.closed)") from None
-        stairs |= set(building.stairs.get(name, ()))
+        stairs |= set(building.pieces_of(name))
     result = replace(building, closed=frozenset(closed))
     cut_off = [note for note in isolated_parts(result, stairs) if note not in building.findings]
     return replace(result, findings=(*building.findings, *cut_off))
@@ -186,9 +189,9 @@ def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Fi
     for number in np.unique(part):
         members = np.flatnonzero(part == number).tolist()
         if open_levels.isdisjoint(members) and not set(members) <= set(closed):
-            names = [building.levels[index].name for index in members]
+            names = list(dict.fromkeys(building.levels[index].title for index in members))
             others = f" and its neighbours {', '.join(map(repr, names[1:]))}" if len(names) > 1 else ""
             text = f"no exit can be reached from {names[0]!r}{others}: people there cannot leave"
             x, y = building.levels[members[0]].polygon.representative_point().coords[0]
-            notes.append(Finding("warning", text, names[0], (x, y)))
+            notes.append(Finding("warning", text, building.levels[members[0]].name, (x, y)))
     return tuple(notes)

@@ -34,8 +34,7 @@ def furniture_of(level: Level) -> list[shapely.Polygon]:
 def marks_of(building: Building) -> list[Mark]:
     """Return the slow and barred areas of a building as it is at a time, then the arrows of its links."""
     kinds = {name: "slow" for name, _ in building.slowed} | dict.fromkeys(building.barred, "barred")
-    areas = {name: building.area_named(name) for name in sorted(kinds)}
-    marks = [Mark(kinds[name], area.level, area.polygon) for name, area in areas.items() if area is not None]
+    marks = [Mark(kinds[name], one.level, one.polygon) for name in sorted(kinds) for one in building.parts_named(name)]
     return marks + [_arrow(building, link, origin) for link, origin in sorted(building.one_way)]
 
 

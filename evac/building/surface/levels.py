@@ -90,6 +90,8 @@ PART = 90.0
 BEYOND = 0.02
 #: A flight that turns by more than this winds [degrees].
 WINDS = 15.0
+#: Stairs of one tag are above each other if each begins at most this far below the top of the one before [m].
+STACKED = 0.05
 
 
 @dataclass(frozen=True)
@@ -274,16 +276,44 @@ def _mark_landings(levels: list[Level], neighbours: IndexArray, is_area: BoolArr
 
 
 def _name_stairs(levels: list[Level], neighbours: IndexArray) -> list[Level]:
-    """Number the chains of flights and landings without a tag; ``stair 1`` has the lowest level index."""
-    is_untagged = np.array([level.kind != "floor" and level.stair is None for level in levels])
-    chain = connected_components(len(levels), neighbours[is_untagged[neighbours].all(axis=1)])
-    taken = {level.stair for level in levels}
-    free = (name for number in itertools.count(1) if (name := f"stair {number}") not in taken)
-    stair_of = dict(zip(np.unique(chain[is_untagged]).tolist(), free, strict=False))
-    return [
-        replace(level, stair=stair_of[part]) if is_new else level
-        for level, part, is_new in zip(levels, chain.tolist(), is_untagged.tolist(), strict=True)
+    """Number stairs: chains of flights and landings, from storey to storey.
+
+    Of those without a tag, ``stair 1`` has the lowest level index; several above each other with one tag are ``TAG 0``
+    for the lowest, ``TAG 1`` and so on. A landing beside a floor ends the stair that leads up to it.
+    """
+    height = [level.z_min + level.z_max for level in levels]
+    around = {level.index: neighbours[neighbours[:, 0] == level.index, 1].tolist() for level in levels}
+    ends = {
+        level.index
+        for level in levels
+        if level.kind == "landing" and any(levels[other].kind == "floor" for other in around[level.index])
+        if any(
+            levels[other].stair == level.stair and height[other] < height[level.index] for other in around[level.index]
+        )
+    }
+    is_within = [
+        levels[one].kind != "floor" != levels[other].kind
+        and levels[one].stair == levels[other].stair
+        and min((one, other), key=height.__getitem__) not in ends
+        for one, other in neighbours.tolist()
     ]
+    chain = connected_components(len(levels), neighbours[is_within])
+    chains: dict[str | None, list[list[Level]]] = {}
+    for number in np.unique(chain).tolist():
+        members = [levels[index] for index in np.flatnonzero(chain == number).tolist()]
+        if members[0].kind != "floor":
+            chains.setdefault(members[0].stair, []).append(members)
+    free = (name for number in itertools.count(1) if (name := f"stair {number}") not in chains)
+    stair_of = {level.index: name for own, name in zip(chains.pop(None, []), free, strict=False) for level in own}
+    for tag, parts in chains.items():
+        parts.sort(key=lambda own: min(level.z_min for level in own))
+        tops = [max(level.z_max for level in own) for own in parts]
+        are_stacked = all(
+            min(level.z_min for level in own) >= top - STACKED for own, top in zip(parts[1:], tops, strict=False)
+        )
+        for number, own in enumerate(parts):
+            stair_of |= {level.index: f"{tag} {number}" if are_stacked and tops[1:] else str(tag) for level in own}
+    return [replace(level, stair=stair_of.get(level.index)) for level in levels]
 
 
 def _name_levels(levels: list[Level], tag_of: dict[int, str]) -> list[Level]:
@@ -328,16 +358,20 @@ def _not_plane(surface: Surface, label: IndexArray, levels: list[Level]) -> tupl
 
 
 def find_portals(surface: Surface, table: EdgeTable, level_set: LevelSet) -> tuple[Portal, ...]:
-    """Make a portal from each chain of edges shared by two levels, ordered by levels and place."""
+    """Make a portal from each chain of edges shared by two levels, ordered by levels and place.
+
+    It is named by both: of a stair by the stair, between two of its pieces by these.
+    """
     shared = np.flatnonzero(table.partner >= 0)
     pairs = np.column_stack([table.cell[shared], table.partner[shared]])
     pairs = level_set.level_of_cell[pairs]
-    portals: list[Portal] = []
+    portals, used = list[Portal](), set[str]()
     for first, second in np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0).tolist():
         between = shared[(pairs == (first, second)).all(axis=1)]
-        title = f"{level_set.levels[first].name} - {level_set.levels[second].name}"
-        for number, segments in enumerate(chains(surface.vertices, table.ends[between]), start=1):
-            name = title if number == 1 else f"{title} ({number})"
+        one, other = level_set.levels[first], level_set.levels[second]
+        title = f"{one.name} - {other.name}" if one.title == other.title else f"{one.title} - {other.title}"
+        for segments in chains(surface.vertices, table.ends[between]):
+            used.add(name := numbered(title, used))
             width = float(segment_lengths(segments).sum())
             portals.append(Portal(len(portals), name, (first, second), segments, width))
     return tuple(portals)

@@ -24,18 +24,16 @@ function unfold(layout, aspect) {
 
 // Stairs above each other are one shaft, as wide as the longest of them is long.
 function findShafts(layout) {
-  const { building: { stairs, levels }, boxes } = layout, shafts = [];
-  for (const stair of stairs) {
-    const parts = stair.levels.filter((index) => levels[index].kind !== "floor").sort((a, b) => levels[a].z[0] + levels[a].z[1] - levels[b].z[0] - levels[b].z[1]);
+  const { building: { stairs, levels } } = layout, shafts = new Map();
+  for (const { shaft, levels: own } of stairs) {
+    const parts = own.filter((index) => levels[index].kind !== "floor").sort((a, b) => levels[a].z[0] + levels[a].z[1] - levels[b].z[0] - levels[b].z[1]);
     if (!parts.length) continue;
     const pieces = parts.map((index, k) => pieceOf(layout, parts, k)), width = pieces.reduce((sum, { span: [low, high] }) => sum + high - low, 0);
-    const [x, y] = [0, 1].map((i) => parts.reduce((sum, index) => sum + (boxes[index][i] + boxes[index][i + 2]) / 2 / parts.length, 0));
-    let shaft = shafts.find(({ box }) => box[0] < x && x < box[2] && box[1] < y && y < box[3]);
-    if (!shaft) shafts.push(shaft = { stairs: [], width: 0, box: [0, 1, 2, 3].map((i) => Math[i < 2 ? "min" : "max"](...parts.map((index) => boxes[index][i]))) });
-    shaft.stairs.push(pieces);
-    shaft.width = Math.max(shaft.width, width);
+    if (!shafts.has(shaft)) shafts.set(shaft, { stairs: [], width: 0 });
+    shafts.get(shaft).stairs.push(pieces);
+    shafts.get(shaft).width = Math.max(shafts.get(shaft).width, width);
   }
-  return shafts;
+  return [...shafts.values()];
 }
 
 // The direction in which a part of a stair is walked up, its length along it, and the middle across it.
