@@ -139,7 +139,7 @@ def _show(made: "Imported") -> None:
     """Show what is missing, a summary, the openings if there is no exit, the warnings, and the next command."""
     from collections import Counter
 
-    from evac.building.model.findings import KINDS, grouped
+    from evac.building.model.findings import KINDS, and_more, grouped
     from evac.building.model.storeys import storeys
     from evac.cli.screen import say, show_facts, show_table, show_warnings
     from evac.importing.documents import MOST_OPENINGS, opening_row
@@ -172,7 +172,8 @@ def _show(made: "Imported") -> None:
         rows = [opening_row(made, k) for k in range(shown)]
         show_table(f"Openings{more}", ("number", "level", "width [m]", "from", "to", "z [m]"), rows)
     for kind in ("warning", "left out"):
-        show_warnings(grouped(finding for finding in made.findings if finding.kind == kind))
+        groups = grouped(finding for finding in made.findings if finding.kind == kind)
+        show_warnings([f"{own[0]}{and_more(own)}" for own in groups])
     if not made.is_accepted:
         plan = made.folder / PLAN
         add = f"add what is missing to {plan} and import again, or import" if plan.is_file() else "import"

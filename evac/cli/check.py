@@ -156,24 +156,20 @@ def _telling(arguments: argparse.Namespace, title: str) -> "Iterator[list[Findin
 
 
 def print_findings(path: Path, findings: "Sequence[Finding]") -> int:
-    """Print findings as JSON, with the numbers that they have in pictures; return 2 if there are errors."""
-    numbers = itertools.count(1)
-    rows = [
-        {
-            "number": next(numbers) if one.kind != "found" else None,
-            "kind": one.kind,
-            "storey": one.storey,
-            "level": one.level,
-            "place": one.place,
-            "item": one.item,
-            "text": one.text,
-            "remedy": one.remedy,
-        }
-        for one in findings
-    ]
+    """Print findings as JSON, repeats together, with the numbers that they have in pictures; return 2 for errors."""
+    from evac.building.model.findings import grouped
+
+    numbers, rows = itertools.count(1), []
+    for first, *others in grouped(findings):
+        number = next(numbers) if first.kind != "found" else None
+        rows.append({"number": number, "kind": first.kind} | _row(first) | {"others": [_row(one) for one in others]})
     errors = sum(one.kind == "error" for one in findings)
     print(json.dumps({"file": str(path), "errors": errors, "findings": rows}, indent=1, ensure_ascii=False))
     return 2 if errors else 0
+
+
+def _row(finding: "Finding") -> dict[str, object]:
+    return {name: getattr(finding, name) for name in ("storey", "level", "place", "item", "text", "remedy")}
 
 
 def check_result(path: Path) -> int:
@@ -311,6 +307,8 @@ def _draw(path: Path | None, building: "Building", findings: "Sequence[Finding]"
 
 def show_building(building: "Building", is_verbose: bool) -> None:
     """Show levels, portals, exits, doors, areas, stairs and assumptions; portals within stairs only if verbose."""
+    from evac.building.model.findings import and_more, grouped
+
     show_facts({"building": building.source, "walls": f"{len(building.walls)} segments"})
 
     def row_of(level: "Level") -> tuple[object, ...]:
@@ -355,7 +353,8 @@ def show_building(building: "Building", is_verbose: bool) -> None:
     )
     title += " the level; others are stairs, walked at speed_up and speed_down"
     show_table(title, ("stair", "shaft", "z [m]", "flights", "steepest [deg]", "walked as"), stairs)
-    assumed = [(finding.kind, finding.where, finding.text) for finding in building.findings if finding.kind in ASSUMED]
+    groups = grouped(finding for finding in building.findings if finding.kind in ASSUMED)
+    assumed = [(own[0].kind, own[0].where, f"{own[0].text}{and_more(own)}") for own in groups]
     show_table("Assumed, repaired or left out", ("kind", "place", "description"), assumed)
 
 
@@ -363,6 +362,7 @@ def show_people(simulation: "Simulation") -> None:
     """Show the groups with their start levels and their times to an exit."""
     import numpy as np
 
+    from evac.building.model.findings import and_more, grouped
     from evac.people.ways import walked_lengths
 
     population = simulation.population
@@ -396,7 +396,8 @@ def show_people(simulation: "Simulation") -> None:
     if simulation.stopping:
         reach = f"Not all fit through the ways to an exit{others}; see warnings for narrow places"
     show_table(f"People: {len(crowd.level)}. {reach}.", columns, rows)
-    out = [(finding.where, finding.text) for finding in population.left_out]
+    groups = grouped(population.left_out)
+    out = [(own[0].where, f"{own[0].text}{and_more(own)}") for own in groups]
     show_table("Left out, since the case does not name it", ("place", "ground"), out)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from evac.base.toml import toml_lines, toml_value
-from evac.building.model.findings import KINDS, repaired
+from evac.building.model.findings import KINDS, grouped, repaired
 
 if TYPE_CHECKING:
     from evac.importing.importing import Imported
@@ -115,10 +115,11 @@ def report_text(made: "Imported", digests: Mapping[str, str]) -> str:
 def _listed(made: "Imported", kinds: Sequence[str]) -> list[str]:
     """Return the sections of some kinds of findings."""
     text = []
-    marked = [finding for finding in made.findings if finding.kind != "found"]
+    groups = grouped(finding for finding in made.findings if finding.kind != "found")
+    number = {id(one): k for k, group in enumerate(groups, start=1) for one in group}
     for kind in kinds:
         own = [finding for finding in made.findings if finding.kind == kind]
-        rows = [(marked.index(one) + 1 if kind != "found" else "", one.text, one.where) for one in own]
+        rows = [(number.get(id(one), ""), one.text, one.where) for one in own]
         if rows:
             text += [f"## {TITLES[kind]}", "", *table(("in the picture", "finding", "place"), rows)]
     return text

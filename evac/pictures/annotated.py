@@ -20,7 +20,7 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Building, Level
 from evac.building.model.elevation import level_elevation
-from evac.building.model.findings import Finding
+from evac.building.model.findings import Finding, and_more, grouped
 from evac.pictures import palette
 from evac.pictures.floorplan import HEIGHT, WIDTH, beside, draw_plans, outline_of
 from evac.pictures.writing import legible_figure, save
@@ -73,10 +73,10 @@ def levels_figure(
     """Return the plan of every storey: walls, portals, exits, doors, areas and stairs, with names and widths.
 
     Stairs are drawn with the storey that they lead up from. Findings other than those of kind "found" are marked with
-    numbers at their places and listed below, in their order.
+    numbers at their places and listed below; those that repeat each other have one number.
     """
     plans = draw_plans(building, title, side=MARGIN, has_widths=True, greatest=greatest, part=part)
-    listed = list(enumerate((finding for finding in findings if finding.kind != "found"), start=1))
+    listed = list(enumerate(grouped(finding for finding in findings if finding.kind != "found"), start=1))
     panels = [[level.index for level in levels] for levels in plans.levels]
     for number, (axes, levels) in enumerate(zip(plans.axes, plans.levels, strict=True)):
         _show_coordinates(axes)
@@ -169,13 +169,14 @@ def _move_inside(axes: Axes, text: Text, box: Bbox) -> None:
         text.set_position(axes.transData.inverted().transform((x + dx, y + dy)).tolist())
 
 
-def _list_below(figure: Figure, listed: list[tuple[int, Finding]]) -> None:
+def _list_below(figure: Figure, listed: list[tuple[int, list[Finding]]]) -> None:
     """Enlarge a figure at the bottom and list findings there."""
     width, height = figure.get_size_inches().tolist()
     lines = list[tuple[str, str]]()
-    for number, finding in listed[:MOST_LISTED]:
-        words, letters = f"{number}  {finding.kind}: {finding}", round(LETTERS * (width - 2 * MARGIN))
-        lines += [(line, MARK[finding.kind]) for line in textwrap.wrap(words, letters, subsequent_indent="     ")]
+    for number, group in listed[:MOST_LISTED]:
+        words = f"{number}  {group[0].kind}: {group[0]}{and_more(group)}"
+        letters = round(LETTERS * (width - 2 * MARGIN))
+        lines += [(line, MARK[group[0].kind]) for line in textwrap.wrap(words, letters, subsequent_indent="     ")]
     if not lines:
         return
     if len(listed) > MOST_LISTED:
@@ -217,11 +218,11 @@ def _arrow(axes: Axes, level: Level) -> None:
 
 
 def _by_place(
-    building: Building, panels: list[list[int]], listed: list[tuple[int, Finding]], panel: int
+    building: Building, panels: list[list[int]], listed: list[tuple[int, list[Finding]]], panel: int
 ) -> list[list[tuple[int, Finding]]]:
     """Return the findings at each place of a storey, with their numbers."""
     by_place: dict[tuple[float, float], list[tuple[int, Finding]]] = {}
-    for number, finding in listed[:MOST_LISTED]:
+    for number, finding in ((number, one) for number, group in listed[:MOST_LISTED] for one in group):
         if finding.place is not None and panel_of(building, panels, finding) == panel:
             x, y = finding.place[:2]
             by_place.setdefault((round(x, 1), round(y, 1)), []).append((number, finding))
@@ -250,7 +251,7 @@ def _draw_findings(axes: Axes, findings: list[tuple[int, Finding]]) -> None:
     """Draw a ring at the place of findings with their numbers beside it."""
     kinds = [finding.kind for _, finding in findings]
     colour = next(colour for kind, colour in MARK.items() if kind in kinds)
-    labels = ",".join(str(number) for number, _ in findings)
+    labels = ",".join(dict.fromkeys(str(number) for number, _ in findings))
     x, y = (findings[0][1].place or (0.0, 0.0))[:2]
     axes.plot(x, y, marker="o", ms=7, mfc="none", mec=colour, mew=1.4, zorder=8)
     box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": colour, "lw": 0.6}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shapely import box
 
 from evac import BuildingError, Plan
 from evac.building.plan.plantable import plan_of, table_of
@@ -157,3 +158,38 @@ def test_the_other_turn_is_the_remedy_of_a_stair_that_turns_into_a_wall():
     plan.storey("high", z=3.0, like="low")
     plan.stair("stair", "low", [(4, 0.1), (4, 1.3)], "high", length=2.7, direction=(1, 0), turn="right")
     assert [(one.item, one.remedy) for one in plan.check()] == [("stairs.stair", 'turn = "left"')]
+
+
+def test_the_remedy_of_doors_without_a_wall_is_the_wall_of_their_storey():
+    plan = Plan()
+    rooms = [box(6 * k, 0, 6 * k + 6, 6) for k in range(4)]
+    plan.storey("0", rooms)
+    plan.storey("1", z=3.0, like="0")
+    for k in range(1, 4):
+        plan.door(f"door {k}", "0", [(6 * k, 2), (6 * k, 3)])
+    plan.exit("out", "0", [(0, 2), (0, 3)])
+    table = table_of(plan)
+    errors = [one for one in errors_of(table) if one.kind == "error"]
+    places = [(6.0, 2.5), (12.0, 2.5), (18.0, 2.5)]
+    assert [(one.item, one.storey, one.place) for one in errors] == [
+        ("storeys.0", storey, place) for storey in "01" for place in places
+    ]
+    with pytest.raises(BuildingError) as caught:
+        plan.building()
+    assert len(str(caught.value).splitlines()) == 1
+    mend(table, errors[0])
+    assert not [one for one in errors_of(table) if one.kind == "error"]
+
+
+def test_a_stair_that_partly_adjoins_is_told_with_the_turn_that_adjoins():
+    plan = Plan()
+    for name, z in (("low", 0.0), ("high", 3.0)):
+        plan.storey(name, box(0, 0, 3.1, 5), z=z)
+    plan.stair("stair", "low", [(1.65, 5), (2.95, 5)], "high", length=2.7, turn="right")
+    (found,) = [one for one in plan.check() if one.item == "stairs.stair"]
+    assert (found.kind, found.storey, found.remedy) == ("warning", "high", 'turn = "left"')
+    assert found.text.startswith("only 0.05 of 1.30 m")
+    assert str(found).endswith(found.remedy)
+    table = table_of(plan)
+    mend(table, found)
+    assert not plan_of(table, Path("house"), Path()).check()

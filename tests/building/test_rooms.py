@@ -41,7 +41,7 @@ def same(one, other):
             [(portal.name, portal.levels) for portal in building.portals],
             [(area.name, area.level, area.polygon.wkt) for area in building.areas],
             [(door.name, door.level, door.segment.tolist()) for door in building.doors],
-            building.findings,
+            [(one.kind, str(one)) for one in building.findings],
         ]
         for building in (one, other)
     ]

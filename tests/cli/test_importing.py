@@ -107,11 +107,13 @@ def test_errors_of_a_plan_are_printed_as_json_and_drawn(evac, capsys):
     plan.storey("ground", [(0, 0), (9, 0), (9, 6), (0, 6)])
     plan.exit("out", "ground", [(0, 2), (0, 3)])
     plan.exit("far", "ground", [(30, 3), (30, 4)])
+    plan.exit("off", "ground", [(40, 3), (40, 4)])
     plan.write("house.plan.toml")
     assert evac("check", "house.plan.toml", "--json", "--picture", "house.png") == 2
     printed = json.loads(capsys.readouterr().out)
     (error,) = [one for one in printed["findings"] if one["kind"] == "error"]
     assert (error["item"], error["storey"], error["place"]) == ("exits.far", "ground", [30.0, 3.5])
+    assert [(one["item"], one["place"]) for one in error["others"]] == [("exits.off", [40.0, 3.5])]
     assert Path("house.png").exists()
     assert evac("check", "house.plan.toml") == 2
     assert "exit 'far'" in capsys.readouterr().err

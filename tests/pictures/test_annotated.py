@@ -46,6 +46,7 @@ def test_marks_and_findings_are_in_the_picture(building, tmp_path):
         Finding("found", "a door", "ground", (0.0, 3.5)),
         Finding("repaired", "a gap", place=(11.0, 3.0, 3.0)),
         Finding("left out", "nothing of note"),
+        Finding("repaired", "a gap", "first", (1.0, 1.0)),
     ]
     marks = [Mark("7: 6.00 m", 0, building.walls[0])]
     import matplotlib as mpl
@@ -61,6 +62,7 @@ def test_marks_and_findings_are_in_the_picture(building, tmp_path):
         "7: 6.00 m",
         "1  warning",
         "2  repaired",
+        "a gap (and 1 more like",
         "3  left",
     ):
         assert word in text, word

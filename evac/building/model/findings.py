@@ -39,7 +39,7 @@ PART = re.compile(r" \(\d+\)$")
 class Finding:
     """A fact about a building: something found, assumed, repaired, left out or missing, a warning, or an error.
 
-    Its text form (``str``) begins with the place, if there is one.
+    Its text form (``str``) begins with the place, if there is one, and ends with the remedy.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Finding:
     item : str, optional
         Key of what it is about in the plan, such as ``doors.inner``.
     remedy : str
-        What removes an error, as far as it is known: keys of the item with their values as in a plan file, one on a
+        What removes it, as far as it is known: keys of the item with their values as in a plan file, one on a
         line, such as ``turn = "right"``; ``remove KEY``; or ``remove it``.
 
     Raises
@@ -95,7 +95,8 @@ class Finding:
         return f"level {self.level!r} at {at}" if at else f"level {self.level!r}"
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.text}" if self.where else self.text
+        remedy = f"; remedy: {', '.join(self.remedy.splitlines())}" if self.remedy else ""
+        return f"{self.where}: {self.text}{remedy}" if self.where else f"{self.text}{remedy}"
 
 
 def as_findings(given: "tuple[Finding | str, ...] | list[Finding | str]") -> tuple[Finding, ...]:
@@ -108,25 +109,26 @@ def warnings_of(findings: tuple[Finding, ...] | list[Finding]) -> tuple[str, ...
     return tuple(str(finding) for finding in findings if finding.kind == "warning")
 
 
-def grouped(findings: Iterable[Finding]) -> list[str]:
-    """Return the texts of findings, one for those that differ only in names, numbers and places, with their number."""
-    groups: dict[str, list[Finding]] = {}
+def grouped(findings: Iterable[Finding]) -> list[list[Finding]]:
+    """Return findings in groups of those that differ only in names, numbers and places, in the order of the first."""
+    groups: dict[tuple[str, str], list[Finding]] = {}
     for finding in findings:
-        groups.setdefault(OWN.sub("", finding.text), []).append(finding)
-    more = [f" (and {len(own) - 1} more like this)" if len(own) > 1 else "" for own in groups.values()]
-    return [f"{own[0]}{others}" for own, others in zip(groups.values(), more, strict=True)]
+        groups.setdefault((finding.kind, OWN.sub("", finding.text)), []).append(finding)
+    return [*groups.values()]
+
+
+def and_more(group: Sequence[Finding]) -> str:
+    """Return what follows the first finding of a group in a list."""
+    return f" (and {len(group) - 1} more like this)" if len(group) > 1 else ""
 
 
 def refusal(source: Path, errors: Sequence[Finding]) -> BuildingError:
     """Return one error with a line for each of some errors; copies of an item that have the same one share a line."""
-    groups: dict[tuple[str | None, str], list[Finding]] = {}
-    for error in errors:
-        groups.setdefault((error.item, OWN.sub("", error.text)), []).append(error)
+    of_items = [[one for one in errors if one.item == item] for item in dict.fromkeys(one.item for one in errors)]
     lines = []
-    for own in groups.values():
-        others = f" (and {len(own) - 1} more like this)" if len(own) > 1 else ""
+    for own in (group for errors_of_item in of_items for group in grouped(errors_of_item)):
         remedy = f"; remedy: {', '.join(own[0].remedy.splitlines())}" if own[0].remedy else ""
-        lines.append(f"{source}: {own[0].text}{others}{remedy}")
+        lines.append(f"{source}: {own[0].text}{and_more(own)}{remedy}")
     refused = BuildingError("\n".join(lines))
     refused.findings = tuple(errors)
     return refused

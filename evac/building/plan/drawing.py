@@ -63,6 +63,10 @@ def draw(plan: "Plan") -> SurfaceMesh:
         from evac.building.plan.faults import refused
 
         raise refused(plan, drawing, mesh)
+    if any(one.kind == "warning" and not one.remedy and one.item for one in drawing.findings):
+        from evac.building.plan.faults import with_remedies
+
+        mesh = replace(mesh, findings=with_remedies(plan, drawing, drawing.findings, drawing.plan.doors))
     return mesh
 
 
@@ -72,6 +76,7 @@ class Drawing:
     def __init__(self, plan: "Plan") -> None:
         self.errors: list[Finding] = []
         self.declared, self.plan = {*plan.storeys, *plan.refused}, expanded(plan, self.errors)
+        self._given = plan.storeys
         self.findings = [finding for finding in plan.findings if finding.kind != "error"]
         self.floors: dict[str, BaseGeometry] = {}
         self.rooms: dict[str, BaseGeometry] = {}  # the floors before anything is cut out of them
@@ -133,10 +138,12 @@ class Drawing:
             check_storey(self.declared, item.storey)
         return item.storey in self.plan.storeys
 
-    def _find(self, kind: str, text: str, storey: str, at: BaseGeometry | FloatArray) -> None:
-        """Add a finding on a storey, at a geometry or at the middle of a segment."""
+    def _find(
+        self, kind: str, text: str, storey: str, at: BaseGeometry | FloatArray, item: str, remedy: str = ""
+    ) -> None:
+        """Add a finding about an item (by key) on a storey, at a geometry or at the middle of a segment."""
         place = place_of(at) if isinstance(at, BaseGeometry) else tuple(np.reshape(at, (-1, 2)).mean(axis=0).tolist())
-        self.findings.append(Finding(kind, text, storey, place))
+        self.findings.append(Finding(kind, text, storey, place, item, remedy))
 
     def _make_floor(self, name: str) -> None:
         """Make the floor of a storey: join its polygons, or put walls between them."""
@@ -146,12 +153,13 @@ class Drawing:
         rooms = distinct(storey.polygons)
         if len(rooms) < len(storey.polygons):
             count = counted(len(storey.polygons) - len(rooms), "polygon is a copy", "polygons are copies")
-            self._find("assumed", f"{count} of another one, and left out", name, rooms[0])
+            self._find("assumed", f"{count} of another one, and left out", name, rooms[0], f"storeys.{name}")
         joined = united(rooms)
         is_double = sum(room.area for room in rooms) - joined.area > LEAST_AREA
         if is_double and (double := _overlap(rooms)).area > LEAST_AREA:
             text = f"polygons overlap on {double.area:.2f} m2 and are joined; the largest overlap is here"
-            self._find("assumed", text, name, max(shapely.get_parts(double), key=lambda part: part.area))
+            largest = max(shapely.get_parts(double), key=lambda part: part.area)
+            self._find("assumed", text, name, largest, f"storeys.{name}")
         self.floors[name] = united(with_walls(rooms, storey.wall)) if storey.wall else joined
 
     def _open_doors(self) -> None:
@@ -169,12 +177,28 @@ class Drawing:
                 try:
                     opened[row] = self._open_door(door, united([rooms, *ground]) if ground else rooms)
                 except ValueError:  # its message also says what is farther away
+                    if self._lacks_wall(door):
+                        continue
                     del self.findings[known:]
                     ground = [part for other in by_storey[door.storey] for part in opened.get(other, ())]
                     opened[row] = self._open_door(door, united([self.floors[door.storey], *ground]))
         for name, rows in by_storey.items():
             if ground := [part for row in rows for part in opened[row]]:
                 self.floors[name] = united([self.floors[name], *ground])
+
+    def _lacks_wall(self, door: Item) -> bool:
+        """Return whether a door is on a side of two rooms that touch, and tell that their storey has no wall."""
+        name, ends = door.storey, door.segment
+        assert ends is not None
+        length = 0.9 * float(np.hypot(*(ends[1] - ends[0])))
+        beside = [room for room in self.plan.storeys[name].polygons if covered(along(room, ends, SNAP), ends) > length]
+        if self.plan.storeys[name].wall or len(beside) < 2:
+            return False
+        while (like := self._given[name].like) is not None:
+            name = like
+        text = f"storey {door.storey!r}: the rooms beside door {door.name!r} touch, and there is no wall between them"
+        self.errors.append(Finding("error", text, door.storey, middle_of(ends), f"storeys.{name}", "wall = 0.1"))
+        return True
 
     def _near_doors(self, storey: str, rows: list[int]) -> dict[int, tuple[BaseGeometry, BaseGeometry, list[int]]]:
         """Return, for each of some doors of a storey, what is near it: the place, the rooms, and doors before it."""
@@ -198,7 +222,9 @@ class Drawing:
         assert door.segment is not None
         segment, change = placed(floor, door.segment, door.reach)
         if change:
-            self._find("assumed", f"door {door.name!r} {change}", door.storey, segment)
+            remedy = "" if door.key else f"segment = {segment.tolist()}"
+            text = f"door {door.name!r} {change}"
+            self._find("assumed", text, door.storey, segment, key_of("doors", door), remedy)
         strips = [strip(floor, segment, way, door.reach) for way in (normal(segment), -normal(segment))]
         ground = [side.polygon for side in strips if side is not None and not side.polygon.is_empty]
         if all(strips):
@@ -239,7 +265,14 @@ class Drawing:
         outline = united(item.polygons)
         inside = common(floor, outline)
         if inside.is_empty:
-            self._find("left out", f"obstacle {item.name!r} is not on the floor", item.storey, outline)
+            self._find(
+                "left out",
+                f"obstacle {item.name!r} is not on the floor",
+                item.storey,
+                outline,
+                key_of("obstacles", item),
+                "remove it",
+            )
             return None
         self.floors[item.storey] = cut(floor, outline)
         return (f"obstacle:{item.name}",), inside, storey.z
@@ -273,7 +306,7 @@ class Drawing:
         for stair, end, storey, edge, way in ends:
             known = len(self.errors)
             with self._noting_stair(stair):
-                self._join(f"stair {stair.name!r}", end, storey, edge, way)
+                self._join(stair, end, storey, edge, way)
             if len(self.errors) > known:
                 self.pieces.pop(stair.name, None)
 
@@ -334,17 +367,21 @@ class Drawing:
             self.floors[storey] = cut(floor, united(away))
             area = floor.area - self.floors[storey].area
             text = f"{area:.2f} m2 of floor cut away for {self.plan.headroom:g} m of headroom at stair {name!r}"
-            self._find("assumed", text, storey, max(away, key=lambda part: part.area))
+            item = next(
+                (key_of("stairs", stair) for stair in self.plan.stairs if stair.name == name), f"flights.{name}"
+            )
+            self._find("assumed", text, storey, max(away, key=lambda part: part.area), item)
 
-    def _join(self, what: str, end: str, storey: str, edge: FloatArray, way: FloatArray) -> None:
+    def _join(self, stair: Stair, end: str, storey: str, edge: FloatArray, way: FloatArray) -> None:
         """Check that an end of a stair lies on the outline of its floor, and close a small gap between them."""
+        what, key = f"stair {stair.name!r}", key_of("stairs", stair)
         length = float(np.hypot(*(edge[1] - edge[0])))
         beside = covered(along(self.floors[storey], edge, 2e-6), edge)
         if beside < length - LEAST_LENGTH:
             gap = strip(self.floors[storey], edge, way, SNAP)
             if gap is not None and not gap.polygon.is_empty:
                 self._add(storey, [gap])
-                self._find("repaired", f"gap of {gap.depth:.3f} m at the {end} end of {what} closed", storey, edge)
+                self._find("repaired", f"gap of {gap.depth:.3f} m at the {end} end of {what} closed", storey, edge, key)
                 beside = length
         if beside < LEAST_LENGTH:
             raise ValueError(
@@ -353,7 +390,7 @@ class Drawing:
             )
         if beside < length - UNCOVERED:
             text = f"only {beside:.2f} of {length:.2f} m of the {end} edge of {what} adjoin the floor"
-            self._find("warning", text, storey, edge)
+            self._find("warning", text, storey, edge, key)
 
     def _cut_exits(self) -> None:
         """Cut the polygons of exits out of the floors, with the narrow strips of floor behind them."""
@@ -363,7 +400,7 @@ class Drawing:
                 ground = _reaching(drawn, floor)
                 if ground.area > drawn.area + LEAST_AREA:
                     text = f"exit {item.name!r} moved to the outline of its floor, at most {SNAP:g} m away"
-                    self._find("repaired", text, item.storey, drawn)
+                    self._find("repaired", text, item.storey, drawn, key_of("exits", item))
                 self.floors[item.storey] = cut(floor, ground)
                 self.exits[row] = replace(item, polygons=(ground,))
 
@@ -390,7 +427,9 @@ class Drawing:
             raise ValueError(between_rooms(segment, item.storey))
         elif beside < length - LEAST_LENGTH:
             text = f"exit {item.name!r} is {beside:.3f} m wide instead of {length:.3f} m: walls cover the rest of it"
-            self._find("warning", text, item.storey, segment)
+            longest = max(pieces, key=lambda piece: np.hypot(*(piece[2:] - piece[:2]))).reshape(2, 2)
+            remedy = "" if item.key else f"segment = {np.round(longest, 6).tolist()}"
+            self._find("warning", text, item.storey, segment, key_of("exits", item), remedy)
         self.edges.append((tag, item.storey, np.array(pieces)))
 
     def _outline(self, item: Item, segment: FloatArray | None) -> list[FloatArray]:
@@ -419,7 +458,8 @@ class Drawing:
             raise ValueError(f"{written(segment)} does not lie on the outline of storey {item.storey!r}; {edge}")
         self._add(item.storey, inward)
         text = f"floor extended by {inward[0].depth:.2f} m to exit {item.name!r}, which is drawn outside of it"
-        self._find("warning" if inward[0].depth > DEEP else "assumed", text, item.storey, segment)
+        kind = "warning" if inward[0].depth > DEEP else "assumed"
+        self._find(kind, text, item.storey, segment, key_of("exits", item))
         return [segment.ravel()]
 
     def _ground(self) -> list[tuple[tuple[str, ...], BaseGeometry, float]]:
@@ -487,6 +527,7 @@ def _low_storeys(
                     f"of {headroom:g} m, where {both.area:.2f} m2 of their floors overlap; check z of both",
                     upper.name,
                     place_of(both),
+                    f"storeys.{upper.name}",
                 )
 
 
@@ -501,6 +542,7 @@ def _beside_floor(areas: Sequence[Item], rooms: Mapping[str, BaseGeometry]) -> I
                 f"{rest.area:.2f} of the {outline.area:.2f} m2 of area {item.name!r} are not on the floor",
                 item.storey,
                 place_of(rest),
+                key_of("areas", item),
             )
 
 
@@ -514,6 +556,7 @@ def _both_sides(item: Item, floor: BaseGeometry, pieces: FloatArray) -> Iterable
             "if it lies between two rooms, make it a door",
             item.storey,
             place_of(united(item.polygons)),
+            key_of("exits", item),
         )
 
 

@@ -2,7 +2,7 @@
 
 import copy
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -36,12 +36,19 @@ def refused(plan: Plan, drawing: Drawing, mesh: SurfaceMesh | None) -> BuildingE
     errors = [*drawing.errors, *(error for error in built if error.item not in faulty)]
     wrong = {error.item for error in errors}
     doors = [door for door in drawing.plan.doors if key_of("doors", door) not in wrong]
-    errors = [
-        replace(one, text=_with_cause(one, plan.findings), remedy=_remedy(plan, drawing, one, doors)) for one in errors
-    ]
-    error = refusal(plan.source, errors)
+    errors = [replace(one, text=_with_cause(one, plan.findings)) for one in errors]
+    error = refusal(plan.source, with_remedies(plan, drawing, errors, doors))
     error.building = building
     return error
+
+
+def with_remedies(plan: Plan, drawing: Drawing, findings: Sequence[Finding], doors: list[Item]) -> list[Finding]:
+    """Return findings with remedies of the errors and warnings among them; `doors`: those that are right."""
+    doors = list(doors)
+    return [
+        replace(one, remedy=_remedy(plan, drawing, one, doors)) if one.kind in ("error", "warning") else one
+        for one in findings
+    ]
 
 
 def _built(plan: Plan, mesh: SurfaceMesh | None) -> tuple[Building | None, list[Finding]]:
@@ -66,7 +73,7 @@ def _with_cause(error: Finding, findings: Iterable[Finding]) -> str:
 
 
 def _remedy(plan: Plan, drawing: Drawing, error: Finding, doors: list[Item]) -> str:
-    """Return the first change of its item that removes an error, or ``remove it``.
+    """Return the first change of its item that removes an error or a warning; or ``remove it``, of an error.
 
     `doors`: those that are right, to which the one that a remedy moves is added.
     """
@@ -85,7 +92,7 @@ def _remedy(plan: Plan, drawing: Drawing, error: Finding, doors: list[Item]) -> 
     for change in _changes(plan, drawing, section, row, error.text):
         if _is_right(rest, section, {**row, **change}, doors):
             return "\n".join(toml_lines(change))
-    return "remove it"
+    return "remove it" if error.kind == "error" else ""
 
 
 def _is_right(rest: Plan, section: str, row: Mapping[str, Any], doors: list[Item]) -> bool:
@@ -110,6 +117,7 @@ def _is_right(rest: Plan, section: str, row: Mapping[str, Any], doors: list[Item
     drawing = Drawing(trial)
     mesh = drawing.mesh()
     is_right = mesh is not None and not drawing.errors and not _built(drawing.plan, mesh)[1]
+    is_right &= all(one.kind != "warning" or one.item != f"{section}.{row['name']}" for one in drawing.findings)
     if is_right and section == "doors":
         doors += [door for door in drawing.plan.doors if door.name == row["name"]]
     return is_right

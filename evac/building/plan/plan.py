@@ -225,7 +225,7 @@ class Plan:
         wall = None if wall is None else self._number(what, "wall", wall, least=0.0)
         if not isinstance(options or {}, Mapping):
             raise BuildingError(f"{self.source}: {what}: options must be a table, not {options!r}")
-        shapes = () if polygons is None else self._polygons(what, name, polygons)
+        shapes = () if polygons is None else self._polygons(f"storeys.{name}", name, polygons)
         self.storeys[name] = Storey(
             name, float(z), shapes, Path(file) if file is not None else None, wall, dict(options or {}), like
         )
@@ -268,7 +268,9 @@ class Plan:
                 self._number(what, key, value, least=0.0)
         with naming_part(self.source, what):
             outline = outline_of(polygon)
-        self.rooms.append(Room(name, storey, outline, self._polygons(what, storey, outline), use, people, density))
+        self.rooms.append(
+            Room(name, storey, outline, self._polygons(f"rooms.{name}", storey, outline), use, people, density)
+        )
 
     def stair(
         self,
@@ -467,7 +469,7 @@ class Plan:
     def landing(self, stair: str, polygon: Shape, z: float) -> None:
         """Add one landing of a stair of any shape, at its height [m]; flights must end at its outline."""
         what = f"a landing of stair {stair!r}"
-        shapes = self._polygons(what, None, polygon)
+        shapes = self._polygons(f"landings.{stair}", None, polygon)
         self.pieces.append((stair, "landing", (shapes, self._number(what, "z", z))))
 
     def door(
@@ -526,7 +528,7 @@ class Plan:
         if (segment is None) == (polygon is None):
             raise BuildingError(f"{self.source}: {what}: give either segment or polygon, and not both")
         if segment is None:
-            self.exits.append(Item(name, storey, None, self._polygons(what, storey, polygon)))
+            self.exits.append(Item(name, storey, None, self._polygons(f"exits.{name}", storey, polygon)))
             return
         several = segment if isinstance(segment, list) and segment and not any(map(is_point, segment)) else [segment]
         self.exits += [self._line(what, name, storey, one) for one in several]
@@ -556,7 +558,7 @@ class Plan:
         if _is_tie(polygon):
             self.areas.append(Item(name, storey, tie=self._tie(f"area {name!r}", polygon, ("inset",))))
             return
-        self.areas.append(Item(name, storey, polygons=self._polygons(f"area {name!r}", storey, polygon)))
+        self.areas.append(Item(name, storey, polygons=self._polygons(f"areas.{name}", storey, polygon)))
 
     def obstacle(self, name: str, storey: str, polygon: Shape) -> None:
         """Add an obstacle: it is cut out of the floor of its storey, and its outline becomes a wall.
@@ -566,7 +568,7 @@ class Plan:
         BuildingError
             The shape is invalid.
         """
-        self.obstacles.append(Item(name, storey, polygons=self._polygons(f"obstacle {name!r}", storey, polygon)))
+        self.obstacles.append(Item(name, storey, polygons=self._polygons(f"obstacles.{name}", storey, polygon)))
 
     def take(self, name: str, other: "Plan") -> None:
         """Copy the polygons and all items of another plan with one storey to a storey that was given as a file.
@@ -666,9 +668,13 @@ class Plan:
         if name in known:
             raise BuildingError(f"{self.source}: there are two {kind} named {name!r}; rename one")
 
-    def _polygons(self, what: str, storey: str | None, given: Shape) -> tuple[BaseGeometry, ...]:
-        with naming_part(self.source, what):
-            return tuple(polygons_of(given, storey, self.findings))
+    def _polygons(self, key: str, storey: str | None, given: Shape) -> tuple[BaseGeometry, ...]:
+        section, _, name = key.partition(".")
+        known = len(self.findings)
+        with naming_part(self.source, f"{section.removesuffix('s')} {name!r}"):
+            polygons = tuple(polygons_of(given, storey, self.findings))
+        self.findings[known:] = [replace(finding, item=key) for finding in self.findings[known:]]
+        return polygons
 
     def _segment(self, what: str, key: str, given: Shape | None) -> FloatArray:
         with naming_part(self.source, f"{what}: {key}"):
