@@ -75,6 +75,9 @@ class FakeFields:
     routes: tuple[Route, ...] = (Route(),)
     closed: tuple[int, ...] = field(default=())
 
+    def are_passable(self, level, position, route, radius=0.0):
+        return np.isfinite(self.travel_time_at(np.full(len(position), level), position, route, radius))
+
     def travel_time_at(self, level, position, route, radius=0.0):
         return np.where(np.isin(level, self.closed), np.inf, 1.0)
 
