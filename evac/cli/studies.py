@@ -20,7 +20,7 @@ from evac.cli.inputs import (
     positive,
     with_plugin_files,
 )
-from evac.cli.screen import note, show_facts, show_table, show_warnings
+from evac.cli.screen import STYLES, note, say, show_facts, show_table, show_warnings
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -206,6 +206,7 @@ def show_study(study: "Study") -> int:
     runs, blocked, failed = (
         sum(getattr(estimates, name) for estimates in study.statistics) for name in ("runs", "blocked", "failed")
     )
+    say(study.verdict["text"], style=STYLES[study.verdict["status"]])
     facts: dict[str, object] = {"case": case.title}
     facts["people"] = f"{min(people)} to {max(people)}" if len(people) > 1 else min(people)
     facts["everybody out"] = f"in {runs - blocked} of {counted(runs, 'run')}"

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from evac.building.model.building import Building
     from evac.results.results import Results
+    from evac.results.verdict import Verdict
 
 #: Greatest size of a replay that is embedded in a notebook; of larger ones the path is shown [bytes].
 LARGEST_REPLAY = 5_000_000
@@ -28,10 +29,9 @@ def results_html(results: "Results") -> str:
     exits = [(name, row["people"], row["last_out"], row["width"], row["flow"]) for name, row in results.exits.items()]
     answer = results.answer
     answers = [line for line in (answer.outcome, answer.times, answer.queue, answer.movement) if line]
-    colour = VERDICTS[results.verdict["status"]]
     lines = (*results.warnings, *answer.remarks, *results.quality_warnings)
     parts = [
-        f'<p style="border-left: 4px solid {colour}; padding-left: 8px"><b>{escape(answer.verdict)}</b></p>',
+        verdict_html(results.verdict),
         f"<h4>{escape(results.title or Path(results.source).name)}</h4>",
         "<p>" + "<br>".join(map(escape, answers)) + "</p>",
         table_html((), facts.items()),
@@ -41,6 +41,12 @@ def results_html(results: "Results") -> str:
         _replay_html(results),
     ]
     return "".join(parts)
+
+
+def verdict_html(verdict: "Verdict") -> str:
+    """Return a verdict as a paragraph of HTML."""
+    style = f"border-left: 4px solid {VERDICTS[verdict['status']]}; padding-left: 8px"
+    return f'<p style="{style}"><b>{escape(verdict["text"])}</b></p>'
 
 
 def building_figure(building: "Building") -> "Figure":

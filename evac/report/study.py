@@ -20,6 +20,7 @@ from evac.folder.textfiles import checked, read_json
 from evac.report import figures
 from evac.report.pages import APPENDIX, BLANK, Cell, Head, Labels, Section, files_section, fixed, page, section
 from evac.report.sections import (
+    MARGINS,
     USUAL,
     Places,
     building_section,
@@ -29,6 +30,7 @@ from evac.report.sections import (
     model_section,
     occupants_section,
     places_section,
+    safety_cells,
     times_section,
 )
 from evac.report.verification import evidence_section, standard_section, verification_section
@@ -36,9 +38,8 @@ from evac.results.ending import FAILED
 from evac.results.reading import read_results
 from evac.results.recordedcase import CaseTable, Record
 from evac.results.results import Results
-from evac.results.verdict import verdict_of
-from evac.study.outputs import curves, egress, parameter_keys, quality_of
-from evac.study.statistics import Estimate, Statistics, convergence, settled
+from evac.study.outputs import curves, egress, outcomes, parameter_keys, quality_of
+from evac.study.statistics import MEDIAN, Estimate, Statistics, convergence, estimate, settled
 from evac.study.study import Study
 
 #: Percentiles over runs of what exits have [%].
@@ -94,11 +95,14 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
         verification_section(summary.table, summary.keeps_distance),
         *_points(study),
         _statistics(study),
+        *_margins(data["points"]),
         _exits(study),
+        _outcomes(study),
+        _parts(study),
         *(section for number, run in enumerate(members, 1) for section in _of_run(run, number, places)),
         section("warnings", "Warnings", quality=quality_of(study), is_study=True),
         section("assessment", "Assessment"),
-        section("limits", "Limits of use", is_study=True, has_fire=False),
+        section("limits", "Limits of use", is_study=True, has_fire=bool(data["case"].get("conditions"))),
         _runs(study, rows),
         standard_section(summary.table, summary.keeps_distance),
         evidence_section(),
@@ -107,7 +111,7 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
     ]
     title = summary.title or folder.name
     picture = figures.cover(first.trajectory) if first is not None and first.trajectory else None
-    kind, verdict = f"Evacuation analysis: {len(rows)} runs", verdict_of(None)
+    kind, verdict = f"Evacuation analysis: {len(rows)} runs", data["verdict"]
     head = Head(title, kind, verdict, _banner(study), _results(study, rows), picture)
     return page(head, labels.filled(summary.table.report), sections)
 
@@ -270,9 +274,8 @@ def _statistics_rows(estimates: Statistics) -> list[tuple[object, ...]]:
         ("minimum [s]", fixed(estimates.least, 1), None, None),
     ]
     missing = "not reached" if estimates.blocked else None
-    for estimate in (estimates.mean, *estimates.percentiles):
-        value = fixed(estimate.value, 1) or missing
-        rows.append((f"{estimate.name} [s]", value, estimate.bounds(".1f"), estimate.note))
+    for one in (estimates.mean, *estimates.percentiles):
+        rows.append((f"{one.name} [s]", fixed(one.value, 1) or missing, one.bounds(".1f"), one.note))
     rows += [
         ("maximum [s]", fixed(estimates.greatest, 1) or missing, None, None),
         ("standard deviation of complete runs [s]", fixed(estimates.standard_deviation, 2), None, None),
@@ -286,22 +289,68 @@ def _egress_picture(study: Study, point: int) -> figures.Picture:
     return figures.egress_over_runs(people, egress(study, point))
 
 
+def _margins(points: Sequence[Mapping[str, Any]]) -> Iterator[Section]:
+    """Yield a section for each point of a summary with limits."""
+    for k, safety in enumerate(point["safety"] for point in points):
+        if safety is not None:
+            suffix, where = (f"-{k}", f": point {k}") if len(points) > 1 else ("", "")
+            rows, factor = safety_cells(safety), safety["factor"]
+            yield section(f"margins{suffix}", f"{MARGINS}{where}", "margins", rows=rows, factor=factor, worst=())
+
+
+def _spread(values: Sequence[float | None], form: int = 1) -> tuple[object, ...]:
+    """Return the number of known values over runs, their mean, median with its interval, and other percentiles."""
+    known = np.array([value for value in values if value is not None], np.float64)
+    if not len(known):
+        return (0, *[None] * 4)
+    median = estimate(MEDIAN, known)
+    low, high = (fixed(float(np.percentile(known, of)), form) for of in (PERCENTILES[0], PERCENTILES[-1]))
+    middle = (
+        f"{median.value:.{form}f} ({bounds})" if (bounds := median.bounds(f".{form}f")) else fixed(median.value, form)
+    )
+    return len(known), fixed(float(known.mean()), form), low, middle, high
+
+
 def _exits(study: Study) -> Section:
     """Return the section on the use of exits over runs."""
     points = []
     for point in study.points:
-        used: dict[str, list[dict[str, Any]]] = {}
-        for row in study.rows(point.index, ["exits"]):
+        used: dict[str, list[tuple[int, float, float | None]]] = {}
+        for row in study.rows(point.index, ["exits", "out"]):
             for use in row["exits"]:
-                used.setdefault(use["name"], []).append(use)
+                share = 100.0 * use["people"] / max(row["out"], 1)
+                used.setdefault(use["name"], []).append((use["people"], share, use["last_out"]))
         rows = []
         for name, uses in in_order(used.items(), itemgetter(0)):
-            last = np.array([use["last_out"] for use in uses if use["people"]], np.float64)
-            mean = fixed(float(np.mean([use["people"] for use in uses])), 1)
-            shares = [fixed(float(np.percentile(last, of)), 1) if last.size else None for of in PERCENTILES]
-            rows.append((name, mean, last.size, fixed(float(last.mean()), 1) if last.size else None, *shares))
+            people, shares, last = zip(*uses, strict=True)
+            _, share, low, _, high = _spread(shares)
+            rows.append((name, fixed(float(np.mean(people)), 1), share, f"{low} to {high}", *_spread(last)))
         points.append(rows)
     return section("exits", "Exits over runs", points=points)
+
+
+def _outcomes(study: Study) -> Section:
+    """Return the section on events, people at safe places and stopped, doses, and margins over runs."""
+    points = [
+        [(name, *_spread(values.tolist(), 2)) for name, values in outcomes(study, k)] for k in range(len(study.points))
+    ]
+    return section("outcomes", "Events, smoke, doses and margins over runs", points=points)
+
+
+def _parts(study: Study) -> Section:
+    """Return the appendix with the use of levels, stairs and places over runs."""
+    points = []
+    for point in study.points:
+        used: dict[tuple[str, str], list[tuple[int, int, float | None]]] = {}
+        for row in study.rows(point.index, ["parts"]):
+            for use in row["parts"]:
+                used.setdefault((use["kind"], use["name"]), []).append((use["people"], use["most"], use["last"]))
+        rows = []
+        for kind, uses in used.items():
+            people, most, last = zip(*uses, strict=True)
+            rows.append((*kind, fixed(float(np.mean(people)), 1), str(max(most)), *_spread(last)))
+        points.append(rows)
+    return section("parts", f"{APPENDIX}levels, stairs and places over runs", points=points)
 
 
 def _of_run(run: Results, number: int, places: Places) -> Iterator[Section]:

@@ -74,6 +74,12 @@ def verdict_of(safety: Mapping[str, Any] | None) -> Verdict:
     )
 
 
+def rank(verdict: Verdict) -> tuple[int, float]:
+    """Return what orders verdicts, from the worst one; those without limits come first, because nothing is known."""
+    margin = verdict["margin_with_factor"]
+    return ["none", "red", "amber", "green"].index(verdict["status"]), -math.inf if margin is None else margin
+
+
 def judged(safety: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the compartments to which people belong with ``status``, ``limit`` and ``margin``s [s], and a ``text``.
 

@@ -31,6 +31,7 @@ from evac.study.points import SEEDS, Point, Seeds
 if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.contract.registry import Registry
+    from evac.results.results import Results
 
 #: Estimated wall time of the remaining tasks from which a pool makes them: its processes take half of it to start [s].
 JOINING = 3.0
@@ -77,6 +78,7 @@ class Row:
     # (people,) int16: index in `exits`; -1 for people still inside
     exit_used: NDArray[np.int16] = field(default_factory=lambda: np.empty(0, np.int16))
     quality_warnings: tuple[str, ...] = ()
+    told: Mapping[str, Any] = field(default_factory=dict)  # the columns `TOLD` of the store
     error: EvacError | None = None  # why the run failed, with its seed in a note
 
     @property
@@ -265,7 +267,33 @@ def make_row(task: Task, case: "Case | None" = None, tick: Callable[[Progress], 
         exit_time=crowd.exit_time[results.leaving],
         exit_used=crowd.exit_used[results.leaving].astype(np.int16),
         quality_warnings=tuple(results.quality_warnings),
+        told=_told(results),
     )
+
+
+def _told(results: "Results") -> dict[str, Any]:
+    """Return what a run tells of events, parts of the building, smoke, doses and compartments."""
+    stairs = {level.name for level in results.building.levels if level.stair}
+    used = [("level", name, use) for name, use in results.levels.items() if name not in stairs]
+    parts = [
+        {"kind": kind, "name": name, "people": use["people"], "most": use["greatest_number"], "last": use["last_left"]}
+        for kind, name, use in [*used, *(("stair", name, use) for name, use in results.stairs.items())]
+    ]
+    for one in results.places:
+        number = len(one.people)
+        parts.append({"kind": one.kind, "name": one.name, "people": number, "most": number, "last": one.last})
+    columns = {name: values.max(initial=0.0) for name, values in results.exposure.items() if name != "stopped_at"}
+    has_dose = results.conditions is not None and results.conditions["dose"] is not None
+    return {
+        "people": len(results.leaving) + results.at_places,
+        "at_places": results.at_places,
+        "stopped": len(results.stopped),
+        "greatest_extinction": columns.get("greatest_extinction"),
+        "greatest_dose": max(columns["gas_dose"], columns["heat_dose"]) if has_dose else None,
+        "changes": [{"text": change.words, "time": change.time} for change in results.changes],
+        "parts": parts,
+        "compartments": [] if results.safety is None else results.safety["compartments"],
+    }
 
 
 def _failed_row(task: Task, error: EvacError) -> Row:

@@ -33,7 +33,7 @@ from evac.results.results import versions
 from evac.simulation.assembly import providers
 from evac.simulation.simulation import Simulation
 from evac.study.points import STEP
-from evac.study.statistics import PERCENTILES, convergence, settled
+from evac.study.statistics import PERCENTILES, convergence, estimate, percentile_name, settled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -102,6 +102,7 @@ def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[st
     rows_of_points = []
     for point, each, rows in zip(study.points, study.statistics, measures, strict=True):
         entry: dict[str, Any] = {"parameters": point.parameters, "statistics": asdict(each), "settled": settled(rows)}
+        entry["safety"] = study.safety(point.index)
         if study.rule.until is not None:
             entry["known"] = study.rule.is_known(study.times(point.index), study.populations(point.index))
         if study.seeds.repetitions > 1:
@@ -115,6 +116,7 @@ def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[st
         "failed": sum(each.failed for each in study.statistics),
         "first_seed": study.seeds.first,
         "rule": asdict(study.rule),
+        "verdict": study.verdict,
         "points": rows_of_points,
         **({} if change is None else {"step_change": asdict(change)}),
         "case": case.to_dict(),
@@ -122,6 +124,74 @@ def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[st
         "plugins": providers(case),
         "versions": versions(),
     }
+
+
+def safety_of(study: "Study", point: int) -> dict[str, Any] | None:
+    """Return the compartments of a point as in the results of a run, with percentiles of the required times over runs.
+
+    ``people`` are the most of any run, the available time and the least margin are the least. None without limits.
+    """
+    settings = study.points[point].case.safety
+    runs = [row["compartments"] for row in study.rows(point, ["compartments"], failed=True)]
+    first = next((one for one in runs if one), None)
+    if settings is None or first is None:
+        return None
+    return {
+        "factor": settings.factor,
+        "percentile": settings.percentile,
+        "compartments": [
+            _compartment(study, point, [one[k] if one else None for one in runs], settings.percentile)
+            for k in range(len(first))
+        ],
+    }
+
+
+def _compartment(
+    study: "Study", point: int, rows: Sequence[Mapping[str, Any] | None], percentile: float
+) -> dict[str, Any]:
+    """Return the row of a compartment over the runs of a point, of which failed ones are None."""
+
+    def least(name: str) -> float | None:
+        return min((row[name] for row in own if row[name] is not None), default=None)
+
+    own = [row for row in rows if row is not None]
+    # People who have not left need infinitely long, and nobody needs no time; failed runs are in no statistic.
+    none = [math.nan if row is None else math.inf if row["people"] else 0.0 for row in rows]
+    times = [none[k] if row is None or row["required"] is None else row["required"] for k, row in enumerate(rows)]
+    found = estimate(percentile_name(percentile), np.array(times), study.populations(point), study.rule.confidence)
+    interval = f", interval {found.bounds('.1f')}" if found.bounds() else ""
+    available = least("available")
+    return {
+        "name": own[0]["name"],
+        "people": max(row["people"] for row in own),
+        "required": found.value if math.isfinite(found.value) else None,
+        "required_interval": [found.low, found.high],
+        "spread": f" ({percentile:g} % of {counted(found.runs, 'run')}{interval})",
+        "available": available,
+        "criterion": next((row["criterion"] for row in own if row["available"] == available), ""),
+        "until": least("until") if available is None else None,
+        "least_margin": least("least_margin"),
+    }
+
+
+def outcomes(study: "Study", point: int) -> Iterator[tuple[str, FloatArray]]:
+    """Yield what has a number in some runs of a point, with these numbers: events, people stopped, doses, margins."""
+    found: dict[str, list[float]] = {}
+    columns = ("at_places", "stopped", "greatest_extinction", "greatest_dose", "changes", "compartments")
+    for row in study.rows(point, columns):
+        numbers = [("people at safe places", row["at_places"]), ("people stopped by gases or heat", row["stopped"])]
+        numbers += [("greatest extinction coefficient at a head [1/m]", row["greatest_extinction"])]
+        numbers += [("greatest dose", row["greatest_dose"])]
+        numbers += [(f"{change['text']}, at [s]", change["time"]) for change in row["changes"]]
+        numbers += [
+            (f"least margin of a person in {one['name']!r} [s]", one["least_margin"]) for one in row["compartments"]
+        ]
+        for name, number in numbers:
+            if number is not None:
+                found.setdefault(name, []).append(number)
+    for name, values in found.items():
+        if any(values) or not name.startswith("people"):
+            yield name, np.array(values, np.float64)
 
 
 def statistics_rows(study: "Study") -> list[dict[str, Any]]:

@@ -54,6 +54,33 @@ SAME = ("point", "run", "seed", "population_seed", "ended", "exit_time", "exit_u
 EXITS = pa.list_(pa.struct([("name", pa.string()), ("people", pa.int32()), ("last_out", pa.float64())]))
 
 
+def _rows_of(**columns: pa.DataType) -> pa.DataType:
+    return pa.list_(pa.struct(list(columns.items())))
+
+
+#: Columns of what a run tells besides its times.
+TOLD: dict[str, pa.DataType] = {
+    "people": pa.int32(),
+    "at_places": pa.int32(),
+    "stopped": pa.int32(),
+    "greatest_extinction": pa.float64(),
+    "greatest_dose": pa.float64(),
+    "changes": _rows_of(text=pa.string(), time=pa.float64()),
+    "parts": _rows_of(kind=pa.string(), name=pa.string(), people=pa.int32(), most=pa.int32(), last=pa.float64()),
+    "compartments": _rows_of(
+        name=pa.string(),
+        people=pa.int32(),
+        required=pa.float64(),
+        available=pa.float64(),
+        criterion=pa.string(),
+        until=pa.float64(),
+        least_margin=pa.float64(),
+        least_margin_of=pa.int32(),
+        least_margin_at=pa.float64(),
+    ),
+}
+
+
 @dataclass(frozen=True)
 class StoredRun:
     """Data of a stored run that is kept in memory."""
@@ -76,10 +103,10 @@ def schema_of(points: Sequence[Point]) -> pa.Schema:
             ("ended", pa.string()),
             ("blocked", pa.bool_()),
             ("time", pa.float64()),
-            ("people", pa.int32()),
             ("out", pa.int32()),
             ("last_out", pa.float64()),
             ("exits", EXITS),
+            *TOLD.items(),
             ("quality_warnings", pa.list_(pa.string())),
             ("error", pa.string()),
             ("exit_time", pa.list_(pa.float64())),
@@ -223,7 +250,7 @@ class RowStore:
             **{name: getattr(row, name) for name in SAME},
             "blocked": row.is_blocked,
             "time": _number(row.time),
-            "people": len(row.exit_time),
+            **row.told,
             "out": int(np.isfinite(row.exit_time).sum()),
             "last_out": _number(row.last_out),
             "exits": [{"name": name, "people": people, "last_out": _number(last)} for name, people, last in row.exits],

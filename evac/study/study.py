@@ -16,6 +16,7 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError, ResultError, in_one_line
 from evac.folder.files import STUDY_NAME
 from evac.results.recordedcase import recorded_case
+from evac.results.verdict import Verdict, rank, verdict_of
 from evac.study.execute import Execution, Order, Row, Task, order_of
 from evac.study.points import STEP, Point, Seeds
 from evac.study.statistics import MEDIAN, Estimate, Statistics, Variation, difference, statistics, variation
@@ -113,10 +114,12 @@ class Study:
 
     def _repr_html_(self) -> str:
         """Return the evacuation times of all points as a table, and their picture, for notebooks."""
-        from evac.pictures.notebook import figure_html, table_html
+        from evac.pictures.notebook import figure_html, table_html, verdict_html
         from evac.study.outputs import points_table
 
-        return table_html(*points_table(self)) + figure_html(self.plot(), "evacuation times")
+        return (
+            verdict_html(self.verdict) + table_html(*points_table(self)) + figure_html(self.plot(), "evacuation times")
+        )
 
     def plot(self) -> "Figure":
         """Return a figure of the egress curves over the runs of a single point, or of the statistics of all points."""
@@ -193,6 +196,20 @@ class Study:
         return tuple(
             statistics(self.times(point.index), self.populations(point.index), confidence) for point in self.points
         )
+
+    def safety(self, point: int) -> dict[str, Any] | None:
+        """Return the compartments of a point, as in summary.json of a run, with percentiles of the required times."""
+        from evac.study.outputs import safety_of
+
+        return safety_of(self, point)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether people leave in time, as `Results.verdict`; of several points, that of the worst one."""
+        verdicts = [verdict_of(self.safety(point.index)) for point in self.points]
+        worst = min(range(len(verdicts)), key=lambda k: rank(verdicts[k]))
+        label = self.points[worst].label
+        return {**verdicts[worst], "text": f"{label}: {verdicts[worst]['text']}"} if label else verdicts[worst]
 
     @property
     def central(self) -> str:

@@ -1,14 +1,17 @@
 """The report of a study, from files as evac repeat writes them."""
 
 import csv
+import html
 import json
 
 import numpy as np
+import pytest
 
 import evac
 from evac.case.loading import load_case
 from evac.report.sections import Places
 from evac.report.study import is_study, study_report
+from tests.conditions.corridor import corridor, prescribed, two_storeys
 
 from .conftest import CASE, Page
 
@@ -28,15 +31,60 @@ def test_numbers_are_those_of_the_files(study):
     assert shown["mean [s]"][:2] == [f"{np.mean(times):.1f}", f"{one['mean']['low']:.1f} to {one['mean']['high']:.1f}"]
     assert shown["percentile 95 [s]"][0] == f"{np.percentile(times, 95):.1f}"
     assert shown["percentile 95 [s]"][1].endswith("open")
-    (door,) = page.table("by each exit")[1:]
+    (door,) = page.table("by each of them")[1:]
     assert door[0] == "door"
     assert float(door[1]) == 5.0
-    assert door[2:4] == ["20", f"{np.mean(times):.1f}"]
+    assert door[2:6] == ["100.0", "100.0 to 100.0", "20", f"{np.mean(times):.1f}"]
+    assert page.of("id").count("outcomes") == 1
+    assert "No limit set" in page.text
     listed = page.table("Every run")[1:]
     assert [row[-1] for row in listed] == [f"{time:.2f}" for time in times]
     assert "--runs 20" in page.text
     warned = sum(bool(row["quality_warnings"]) for row in rows_of(study))
     assert page.fact("Runs with quality warnings") == f"{warned} of 20"
+
+
+def test_a_study_carries_what_its_runs_carry(tmp_path):
+    plan = two_storeys() | {"areas": [{"name": "r", "storey": "up", "polygon": [[0, 4], [12, 4], [12, 8], [0, 8]]}]}
+    people = [
+        {"name": "legs", "level": "up", "number": 4},
+        {"name": "chair", "area": "r", "number": 1, "steepest": 0.1},
+    ]
+    case = corridor(
+        prescribed(values={"co": 20000.0}),
+        building={"plan": plan},
+        people=people,
+        place=[{"name": "safe", "kind": "refuge", "area": "r"}],
+        event=[{"kind": "slow", "target": "r", "time": 1.0, "value": 0.9}],
+        dose={"heat": "none", "without": ["co2", "o2"]},
+        smoke={"law": "none", "routes": False},
+        safety={"fed": 0.3, "factor": 1.5},
+    )
+    study = evac.repeat(case, 3, folder=tmp_path / "s", workers=1)
+    runs = [study.run_again(0, k, tmp_path / str(k)) for k in range(3)]
+    rows = list(study.rows())
+    assert [row["people"] for row in rows] == [5, 5, 5]
+    assert [row["at_places"] for row in rows] == [1, 1, 1]
+    for row, run in zip(rows, runs, strict=True):
+        assert row["compartments"] == run.safety["compartments"]
+        assert row["changes"] == [{"text": "'r' at 0.9 of the speed", "time": 1.0}]
+        assert row["greatest_dose"] == run.exposure["gas_dose"].max()
+        assert {one["name"] for one in row["parts"]} == {"down", "up", "stair", "safe"}
+    for k, one in enumerate(study.safety(0)["compartments"]):
+        of_runs = [run.safety["compartments"][k] for run in runs]
+        assert one["people"] == max(row["people"] for row in of_runs)
+        if one["people"]:
+            assert one["required"] == pytest.approx(np.percentile([row["required"] for row in of_runs], 95))
+        assert one["available"] == min(row["available"] for row in of_runs)
+    summary = json.loads((tmp_path / "s/summary.json").read_text(encoding="utf-8"))
+    assert summary["verdict"] == study.verdict
+    assert study.verdict["text"] in html.unescape(study._repr_html_())
+    page = Page(study_report(tmp_path / "s"))
+    assert study.verdict["text"] in page.text
+    assert [row[0] for row in page.table("ASET, RSET")[1:]] == ["up", "stair"]
+    what = [row[0] for row in page.table("there is such a number")[1:]]
+    assert {"people at safe places", "'r' at 0.9 of the speed, at [s]", "greatest dose"} <= set(what)
+    assert "Fire, smoke, heat, toxic gas" not in page.text
 
 
 def test_without_a_run_the_plans_are_missing_and_said_to_be(study):
