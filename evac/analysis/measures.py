@@ -79,8 +79,8 @@ class Records(NamedTuple):
     waited: FloatArray
     contact_force: FloatArray
 
-    def chosen(self, rows: NDArray[np.bool_]) -> "Records":
-        """Return some of the rows, (s,) bool."""
+    def chosen(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> "Records":
+        """Return some of the rows, (s,) bool, or their numbers."""
         return Records._make(column[rows] for column in self)
 
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import shapely
 
-from evac.analysis.congestion import Queue
 from evac.analysis.lines import LineFlow, line_flows
 from evac.analysis.occupancy import Moves, recorded_moves
+from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.distributions import as_text
 from evac.building.model.building import Building
@@ -70,7 +70,7 @@ def account_of_run(results: Results, error: BaseException | None = None) -> Acco
         lines=[flow for flow in results.flows if flow.kind == "line"],
         speed=crowd.speed[:, 0],
         response_time=crowd.start_time,
-        longest=results.queues[0] if results.queues else None,
+        longest=results.hold_up,
         margins=least_margins(results.margins, results.trajectory, MOST_MARGINS) if results.trajectory else (),
     )
 
@@ -169,7 +169,7 @@ GAP, LEAST_GAP = 0.1, 1.0
 def texts(account: Account) -> dict[str, str]:
     """Return the parts of the page that tell about the run, as HTML, by their places in the template."""
     kind, banner = account.banner or ("", "")
-    goes = {line: account.longest for line in account.answer if account.longest and line.endswith(str(account.longest))}
+    goes = {line: account.longest for line in account.answer if account.longest and str(account.longest) in line}
     facts = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>" for name, value in account.facts)
     warnings = _list("Quality warnings", account.quality_warnings)
     verdict, judged = "", account.verdict

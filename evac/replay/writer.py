@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from evac.analysis.congestion import Queue
+from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray
 from evac.base.change import Change
 from evac.base.defaults import MOST_HEIGHT
@@ -186,7 +186,7 @@ def _longest(motion: MotionPacker, queue: Queue | None) -> dict[str, Any] | None
     if queue is None or level is None:
         return None
     x, y = ([queue.x, queue.y] - motion.origin).tolist()
-    text = f"longest queue, {queue.place}: {queue.most} wait"
+    text = f"longest queue, {queue.cause}: {queue.most} wait"
     return {"time": queue.time, "text": text, "at": {"level": level.index, "x": x, "y": y}}
 
 

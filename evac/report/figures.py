@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
-from evac.analysis.congestion import Queue
 from evac.analysis.lines import LineFlow
 from evac.analysis.maps import QUANTITIES, LevelMaps
+from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import counted
 from evac.building.model.building import Building

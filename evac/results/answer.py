@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray
 from evac.base.errors import counted
 from evac.contract.hooks import DEFAULT_MOVEMENT
@@ -17,6 +18,10 @@ MOST = 95.0
 
 #: Number of exits that are named, those used most.
 MOST_EXITS = 4
+
+
+#: Least share of all waiting with which a second queue is named.
+SECOND = 0.1
 
 
 class Answer(NamedTuple):
@@ -50,7 +55,7 @@ def answer_of(results: "Results") -> Answer:
     """Return the answer of a run, from its results and, where there is one, its trajectory."""
     queue, keepers = "", ", ".join(results.keeps_distance)
     if results.trajectory is not None:
-        queue = f"Longest queue, {results.queues[0]}" if results.queues else "Nobody had to wait"
+        queue = _queues(results)
     movement = f"People do not keep distances; to change this: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
     movement = f"People keep distances ({keepers})" if keepers else movement
     said = results.verdict["text"], _outcome(results), _times(results), _exits(results), queue, movement
@@ -106,6 +111,14 @@ def _exits(results: "Results") -> tuple[str, ...]:
         people = sum(use["people"] for _, use in others)
         lines.append(f"{len(others)} other exits: {counted(people, 'person', 'people')}")
     return tuple(lines)
+
+
+def _queues(results: "Results") -> str:
+    if results.hold_up is None:
+        waited = sum(queue.waited for queue in results.queues)
+        return f"Little waiting, {waited:.1f} s of all people together" if waited else "Nobody had to wait"
+    others = [one for one in results.queues[1:] if one.share >= SECOND]
+    return "; next is ".join([f"What holds up most is {results.hold_up}", *map(Queue.brief, others[:1])])
 
 
 def _warnings(results: "Results") -> str:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evac.analysis.congestion import NEAR
 from evac.analysis.hydraulic import LABORATORY, STAIRS
 from evac.analysis.lines import LineFlow
+from evac.analysis.queues import NEAR
 from evac.base.errors import counted
 from evac.building.model.building import Building
 from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, DENSITY, DENSITY_SPAN, Observation
@@ -149,10 +149,10 @@ def flow_warnings(building: Building, flows: Iterable[LineFlow], keepers: Sequen
 
 def queue_warnings(results: "Results") -> tuple[str, ...]:
     """Return a line for each exit that few people left by while it was open and others waited close to it."""
-    lines, queues = [], {queue.place: queue for queue in results.queues}
+    lines, queues = [], {queue.name: queue for queue in results.queues if queue.kind == "exit"}
     trajectory = results.trajectory
     for exit_ in results.building.exits:
-        queue = queues.get(f"before exit {exit_.name!r}")
+        queue = queues.get(exit_.name)
         if queue is None or trajectory is None:
             continue
         time = trajectory.time

@@ -15,9 +15,9 @@ from pydantic import BeforeValidator, ConfigDict, Field, GetPydanticSchema, Plai
 from pydantic_core import core_schema
 from typing_extensions import TypedDict
 
-from evac.analysis.congestion import Queue, find_queues
 from evac.analysis.lines import ExitUse, FlowUse, LineFlow, exit_table, flow_rows, line_flows, link_flows, totals
 from evac.analysis.occupancy import Moves, Occupancy, moves_of
+from evac.analysis.queues import LEAST, Queue, find_queues
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
 from evac.base.errors import ResultError
@@ -507,7 +507,12 @@ class Results:
     @cached_property
     def queues(self) -> tuple[Queue, ...]:
         """The queues in the recorded motion, the longest first; empty without it."""
-        return find_queues(self.trajectory) if self.trajectory is not None else ()
+        return find_queues(self.trajectory, self.flows) if self.trajectory is not None else ()
+
+    @property
+    def hold_up(self) -> Queue | None:
+        """The longest queue; None if people waited little, or no motion was recorded."""
+        return self.queues[0] if self.queues and self.queues[0].waited >= LEAST else None
 
     def egress(self, rows: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int64]]:
         """Return the egress curve of all people, or of the people with indices `rows`.

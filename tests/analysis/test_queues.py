@@ -1,39 +1,60 @@
 """Queues of crowds that were written as they are."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from evac.analysis.congestion import find_queues
+from evac.analysis.queues import find_queues
 
 
-def test_people_wait_before_the_exit_that_is_nearest(written):
+def test_people_who_pass_nothing_wait_for_the_exit_that_is_nearest(written):
     # The first two stand 1 m from the door, the third one comes; they start at 0, 1.5 and 3 s. The last one walks.
     comes = [1.0 if k >= 2 else 9.0 - 4.0 * k for k in range(9)]
     standing = np.array([[[1.0, 1.5], [1.0, 2.0], [x, 1.0], [8.0 - k, 5.0]] for k, x in enumerate(comes)])
     (queue,) = find_queues(written(standing))
-    assert (queue.place, queue.level) == ("before exit 'door'", "floor 0")
-    assert queue.people == 3
+    assert (queue.cause, queue.level, queue.tail, queue.share) == ("exit 'door'", "floor 0", "floor 0", 1.0)
+    assert (queue.people, queue.blocker) == (3, "")
     np.testing.assert_array_equal(queue.near, queue.at_once)
     (farther,) = find_queues(written(standing + np.array([1.5, 0.0])))  # more than 2 m away
     assert (farther.most, farther.near.max()) == (3, 0)
-    assert "1 person waited" in str(replace(queue, people=1))
-    assert (queue.most, queue.time) == (3, 4.0)
-    assert (queue.x, queue.y) == (pytest.approx(1.0), pytest.approx(1.5))
+    assert (queue.most, queue.time, queue.start, queue.end) == (3, 4.0, 1.0, 8.0)
 
 
-def test_stairs_and_what_leads_to_them_are_named_the_longest_queue_first(written):
+def test_stairs_are_causes_the_longest_queue_first(written):
     stands = np.array([[[12.0, 1.0], [12.0, 1.5], [2.0, 5.0]]] * 9)
-    queues = find_queues(written(stands, [[3, 1, 4]] * 9))
-    assert [(queue.place, queue.level) for queue in queues] == [
-        ("on stair 'upper'", "flight 2"),
-        ("on stair 'lower'", "flight 1"),
-        ("before stair 'upper'", "floor 2"),
+    queues = find_queues(written(stands, [[3, 1, 0]] * 9))
+    assert [(queue.cause, queue.people) for queue in queues] == [
+        ("stair 'upper'", 1),
+        ("stair 'lower'", 1),
+        ("exit 'door'", 1),
     ]
     assert [queue.waited for queue in queues] == sorted((queue.waited for queue in queues), reverse=True)
+    assert sum(queue.share for queue in queues) == pytest.approx(1.0)
+
+
+def test_a_queue_goes_on_to_what_is_passed_later_while_those_beyond_wait(written):
+    """One walks down a stair, stands on it, and then before the door; the other stands above the stair meanwhile."""
+    stops = [(14.5, 2, 3), (13.5, 1, 7), (9.5, 0, 5), (1.0, 0, 1), (1.0, -1, 8)]  # x, level, frames
+    first = [[x, 1.0] for x, _, frames in stops for _ in range(frames)]
+    levels = [level for _, level, frames in stops for _ in range(frames)]
+    after = [(15.0, 2)] * 21 + [(12.0, 1), (9.0, 0), (0.5, -1)]
+    trajectory = written(
+        np.stack([first, [[x, 1.0] for x, _ in after]], axis=1), np.stack([levels, [at for _, at in after]], axis=1)
+    )
+    queues = {queue.cause: queue for queue in find_queues(trajectory)}
+    at = {cause: queue.at_once[[1, 6, 12, 17]].tolist() for cause, queue in queues.items()}
+    assert at == {"stair 'lower'": [1, 2, 0, 0], "exit 'door'": [0, 0, 2, 1]}
+    door = queues["exit 'door'"]
+    assert (door.most, door.time, door.level, door.tail) == (2, 11.0, "floor 0", "floor 1")
 
 
 def test_nobody_waits_before_the_response_time(written):
     assert find_queues(written(np.full((2, 3, 2), 2.0)))[0].people == 1  # the others start at 1.5 and 3 s
     assert find_queues(written([[[1.0, 1.0]]])) == ()
+
+
+def test_who_has_not_started_in_front_of_the_first_is_named(written):
+    """The third person starts at 3 s, and stands between the door and another one, who waits from 1 s on."""
+    places = [[[1.5, 1.5], [6.0, 5.0], [0.6, 1.5]]] * 4
+    (queue, *_) = find_queues(written(places))
+    assert queue.blocker == "person 2, who has not started"
+    assert find_queues(written(places * 4))[0].blocker == ""  # most of the waiting is later

@@ -99,7 +99,7 @@ def test_the_answer_has_a_dozen_lines_at_most(monkeypatch, remarks, columns, bel
             "Exit 'c': 1 person",
             "3 other exits",
         ),
-        queue=f"Longest queue, before exit 'a': {words}",
+        queue=f"What holds up most is exit 'a': {words}",
         movement="People keep distances (walking)",
         remarks=(words,) * remarks,
         warnings="2 quality warnings (flow higher than measured)",

@@ -17,6 +17,10 @@ WAITING, SIDE, RADIUS = 0.2, 0.2, 0.7
 #: Cells on each side that the kernel reaches.
 REACH = 9
 
+#: How long people are watched after a passage, the spans for which that is asked [s], and the share of waiting with
+#: which a queue goes on.
+BEYOND, SPAN, GOES_ON = 4.0, 5.0, 0.25
+
 
 class Recount:
     """The files of a result folder, and what follows from them."""
@@ -165,51 +169,106 @@ class Recount:
                     found.setdefault(place, (time, f"{place}: jam, {count} wait"))
         return set(found.values())
 
-    def longest_queue(self):
-        """Words of the queue with the longest waiting in total, from recorded positions."""
-        waits = {}  # place and level: list of (person, time, duration, position, level)
-        for (time, here), spans in zip(self.frames, self.waits, strict=True):
+    def queue(self):
+        """Words of what holds up most, and its time, head, level before it and most people, from recorded motion."""
+        waits, watched, passed = {}, Counter(), self.passed()
+        for k, (time, here) in enumerate(self.frames):
             for one in here:
-                if not spans[one["person"]]:
-                    continue
+                past = [way for since, way in passed[one["person"]] if 0.0 <= time - since <= BEYOND][-1:]
+                for way in past:
+                    watched[way, time // SPAN] += (time - self.frames[k - 1][0]) if k else 0.0
+                    watched[way, time // SPAN, "waits"] += self.waits[k][one["person"]]
+        for k, (time, here) in enumerate(self.frames):
+            for one in (one for one in here if self.waits[k][one["person"]]):
                 at, level = np.array(one["motion"][:2]) + self.origin, one["level"]
-                stair = self.levels[level]["stair"]
-                place = (f"on stair {stair!r}", -1) if stair else (self._nearest(at, level), level)
-                waits.setdefault(place, []).append((one["person"], time, spans[one["person"]], at, level))
-        if not waits:
-            return "Nobody had to wait"
-        (place, _), rows = max(waits.items(), key=lambda item: sum(row[2] for row in item[1]))
+                ahead = [(since, way) for since, way in passed[one["person"]] if since > time]
+                while len(ahead) > 1 and self.goes_on(watched, ahead[0][1], time // SPAN):
+                    ahead.pop(0)
+                since, (cause, way, _) = ahead[0] if ahead else (np.inf, (*self._nearest(at, level), 0))
+                row = one["person"], time, self.waits[k][one["person"]], at, level, way, since
+                waits.setdefault(cause, []).append(row)
+        total = sum(row[2] for rows in waits.values() for row in rows)
+        if not total:
+            return "Nobody had to wait", None
+        causes = sorted(waits, key=lambda cause: -sum(row[2] for row in waits[cause]))
+        shares = {cause: sum(row[2] for row in waits[cause]) / total for cause in causes}
+        rows = waits[causes[0]]
+        if sum(row[2] for row in rows) < 30.0:
+            return f"Little waiting, {total:.1f} s of all people together", None
         people, at_once = len({row[0] for row in rows}), Counter(row[1] for row in rows)
         most = max(at_once.values())
         peak = min(time for time, count in at_once.items() if count == most)
+        many = [time for time, count in at_once.items() if count >= max(1.0, 0.1 * most)]
         then = [row for row in rows if row[1] == peak]
-        x, y = np.mean([row[3] for row in then], axis=0)
-        level = Counter(row[4] for row in then).most_common(1)[0][0]
-        mean = sum(row[2] for row in rows) / people
+        tail = self.levels[max(then, key=lambda row: (row[6], self.away(row)))[4]]
+        heads = Counter(row[5] for row in then)
+        way = min(heads, key=lambda one: (-heads[one], self.ways().index(one)))
+        segment = way[2][len(way[2]) // 2]
+        level = min((row for row in then if row[5] == way), key=self.away)[4]
         who = "person" if people == 1 else "people"
-        return (
-            f"Longest queue, {place}: {people} {who} waited {mean:.1f} s on average, at most {most} at once, "
-            f"at {peak:.1f} s around ({x:.1f}, {y:.1f}) on {self.levels[level]['name']!r}"
+        words = (
+            f"What holds up most is {causes[0]}: {100 * shares[causes[0]]:.0f} % of all waiting; {people} {who} waited "
+            f"{sum(row[2] for row in rows) / people:.1f} s on average, from {min(many):.1f} to {max(many):.1f} s, "
+            f"at most {most} at once, at {peak:.1f} s, back to {tail['stair'] or tail['name']!r}"
         )
+        if len(causes) > 1 and shares[causes[1]] >= 0.1:
+            words += f"; next is {causes[1]}: {100 * shares[causes[1]]:.0f} % of all waiting"
+        middle = 0.5 * (np.array(segment[:2]) + segment[2:])
+        return words, (causes[0], peak, middle, self.levels[level]["stair"] or self.levels[level]["name"], most)
+
+    def goes_on(self, watched, way, span):
+        """Whether those who have just passed a way wait, in a span or in the last one in which somebody had."""
+        spans = [key[1] for key in watched if len(key) == 2 and key[0] == way and key[1] <= span and watched[key]]
+        return bool(spans) and watched[way, max(spans), "waits"] > GOES_ON * watched[way, max(spans)]
+
+    def ways(self):
+        """Portals but those within stairs, exits and doors: cause, levels and segments of each."""
+        found = []
+        for way in self.building["portals"]:
+            stairs = {self.levels[k]["stair"] for k in way["levels"]}
+            stair = next(iter(stairs - {None}), None)
+            if len(stairs) == 2 or stair is None:
+                name = f"stair {stair!r}" if stair else f"portal {way['name']!r}"
+                found.append((name, tuple(way["levels"]), tuple(map(tuple, way["segments"]))))
+        for kind, of in (("exit", "exits"), ("door", "doors")):
+            for way in self.building[of]:
+                segments = way["segments"] if kind == "exit" else [way["segment"]]
+                found.append((f"{kind} {way['name']!r}", (way["level"],), tuple(map(tuple, segments))))
+        return found
+
+    def passed(self):
+        """Times at which each person passes ways, in order, with the cause, the way and the direction."""
+        found, by_name = {number: [] for number in range(len(self.people))}, {}
+        ways, until = self.ways(), {(person, end): level for _, end, person, level in self.stays}
+        for way in self.building["portals"]:
+            ends = tuple(way["levels"]), tuple(map(tuple, way["segments"]))
+            by_name[way["name"]] = next((one for one in ways if one[1:] == ends), None)
+        for one in self.crossings:
+            person, time, way = int(one["person"]), float(one["time"]), by_name[one["portal"]]
+            if way is not None:
+                found[person].append((time, (way[0], way, until[person, time])))
+        for number, person in enumerate(self.people):
+            for way in ways if person["exit_time"] else ():
+                if way[0] == f"exit {person['exit']!r}":
+                    found[number].append((float(person["exit_time"]), (way[0], way, 0)))
+        for way in (one for one in ways if one[0].startswith("door")):
+            for is_left, times in self.crossed(way[1][0], way[2][0]).items():
+                for time, person in times:
+                    found[person].append((time, (way[0], way, is_left)))
+        return {person: sorted(own, key=lambda one: one[0]) for person, own in found.items()}
+
+    def away(self, row):
+        """Distance of who waits from the way for which they wait; infinite on other levels."""
+        _, levels, segments = row[5]
+        return min(distance_to(part, row[3]) for part in segments) if row[4] in levels else np.inf
 
     def _nearest(self, at, level):
-        ways = [
-            (f"before exit {way['name']!r}", way["segments"]) for way in self.building["exits"] if way["level"] == level
-        ]
-        ways += [
-            (f"before door {way['name']!r}", [way["segment"]])
-            for way in self.building["doors"]
-            if way["level"] == level
-        ]
-        for way in self.building["portals"]:
-            if level in way["levels"]:
-                other = self.levels[sum(way["levels"]) - level]
-                what = f"before stair {other['stair']!r}" if other["stair"] else f"before level {other['name']!r}"
-                ways.append((what, way["segments"]))
-        return min(ways, key=lambda way: min(distance_to(part, at) for part in way[1]))[0]
+        here = [way for way in self.ways() if level in way[1]]
+        way = min(here, key=lambda one: min(distance_to(part, at) for part in one[2]))
+        return way[0], way
 
     def crossed(self, level, segment):
-        """Times of passages over a segment of a level, to the left and to the right of it."""
+        """Times of passages over a segment of a level, and who passes, to the left and to the right of it."""
         first, along = np.array(segment[:2]), np.array(segment[2:]) - segment[:2]
         found = {True: [], False: []}
         for (before, there), (time, here) in pairwise(self.frames):
@@ -233,7 +292,7 @@ class Recount:
                 if (a < 0.0) != (b < 0.0):
                     share = a / (a - b)
                     if 0.0 <= (start + share * (end - start) - first) @ along / (along @ along) <= 1.0:
-                        found[bool(b >= 0.0)].append(before + share * (time - before))
+                        found[bool(b >= 0.0)].append((before + share * (time - before), one["person"]))
         return {way: sorted(times) for way, times in found.items()}
 
     @cached_property
@@ -264,7 +323,7 @@ class Recount:
         for kind, name, level, segment, width in ways:
             for is_left, times in self.crossed(level, segment).items():
                 if times:
-                    found[kind, name, "to the left" if is_left else "to the right"] = times, width
+                    found[kind, name, "to the left" if is_left else "to the right"] = [one[0] for one in times], width
         return found
 
     def cells(self):

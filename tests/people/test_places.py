@@ -4,7 +4,7 @@ import pytest
 from shapely import box
 
 import evac
-from evac.analysis.congestion import find_queues
+from evac.analysis.queues import find_queues
 from evac.base.errors import ScenarioError
 from evac.report.of_run import main_results
 from evac.results.answer import answer_of

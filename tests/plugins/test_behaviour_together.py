@@ -4,7 +4,7 @@ import numpy as np
 from shapely import box
 
 import evac
-from evac.analysis.congestion import find_queues
+from evac.analysis.queues import find_queues
 from evac.report.of_run import main_results
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, run_ticks

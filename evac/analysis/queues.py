@@ -1,0 +1,298 @@
+"""Queues by what causes them: the exit, door, stair or person beyond which people walk on."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.analysis.lines import LineFlow, line_flows
+from evac.analysis.measures import Records, joined, records
+from evac.base.arrays import FloatArray
+from evac.base.errors import counted
+from evac.building.model.building import Building
+from evac.trajectory.trajectory import Trajectory
+
+#: How long people are watched after a passage, and the spans for which it is asked whether they wait there [s].
+BEYOND, SPAN = 4.0, 5.0
+
+#: Share of this time for which they wait if the queue goes on beyond what they have passed.
+GOES_ON = 0.25
+
+#: Distance within which people who wait are before the place itself [m].
+NEAR = 2.0
+
+#: Distance at which somebody who stands in front of the first of a queue blocks it [m].
+FRONT = 1.5
+
+#: Waiting of all together that is worth a sentence [s].
+LEAST = 30.0
+
+
+@dataclass(frozen=True)
+class Queue:
+    """The people who waited because of an exit, a door, or the stairs of a shaft.
+
+    Waiting is that of `evac.analysis.measures.Measures`. People wait for what they pass next; if those who have just
+    passed it wait as well, for what they pass after that, and so on to the place beyond which people walk on. Those
+    who pass nothing any more wait for what is nearest to them.
+
+    Attributes
+    ----------
+    kind : str
+        ``"exit"``, ``"door"``, ``"stair"``, ``"shaft"`` of several stairs, ``"portal"`` between floors, or ``"level"``
+        without any of these.
+    name : str
+    level : str
+        Level of its head at `time`.
+    x, y : float [m]
+        Middle of what is passed there; of a level the mean position of those who waited.
+    tail : str
+        Floor or stair of the last in the queue at `time`.
+    people : int
+        Number of different people who waited.
+    waited : float [s]
+        Sum of the times for which they waited.
+    share : float
+        The same over all waiting of the run.
+    most : int
+        Greatest number who waited at once.
+    time : float [s]
+        When that was first.
+    start, end : float [s]
+        First and last time at which a tenth of `most` waited.
+    blocker : str
+        Who stood before the first of the queue during most of the waiting, because of a response time or another reason
+        not to walk: ``"person 145, who has not started"``; empty for nobody.
+    at_once : (f,) int64
+        Number who waited at each recorded time.
+    near : (f,) int64
+        Number of those who were within `NEAR` of the place.
+    """
+
+    kind: str
+    name: str
+    level: str
+    x: float
+    y: float
+    tail: str
+    people: int
+    waited: float
+    share: float
+    most: int
+    time: float
+    start: float
+    end: float
+    blocker: str
+    at_once: NDArray[np.int64] = field(repr=False, compare=False)
+    near: NDArray[np.int64] = field(repr=False, compare=False)
+
+    @property
+    def cause(self) -> str:
+        """What causes it, in words."""
+        place = f"{self.kind} {self.name!r}"
+        return f"{self.blocker}, before {place}" if self.blocker else place
+
+    def brief(self) -> str:
+        """Return the cause and its share, in words."""
+        return f"{self.cause}: {100.0 * self.share:.0f} % of all waiting"
+
+    def __str__(self) -> str:
+        """Return a sentence without its end."""
+        return (
+            f"{self.brief()}; {counted(self.people, 'person', 'people')} waited "
+            f"{self.waited / self.people:.1f} s on average, from {self.start:.1f} to {self.end:.1f} s, at most "
+            f"{self.most} at once, at {self.time:.1f} s, back to {self.tail!r}"
+        )
+
+
+def find_queues(trajectory: Trajectory, flows: Iterable[LineFlow] | None = None) -> tuple[Queue, ...]:
+    """Return the queues of a run, sorted by the time for which people waited in total, the longest first.
+
+    `flows` are those of `evac.analysis.lines.line_flows`, from which the passages of people are taken.
+    """
+    ways = _Ways(trajectory, line_flows(trajectory).values() if flows is None else flows)
+    waiting, standing = list[Records](), list[Records]()
+    for part in records(trajectory):
+        ways.watch(part)
+        waiting.append(part.chosen(part.waits > 0.0))
+        standing.append(part.chosen(~part.started))
+    if not waiting:
+        return ()
+    rows, still = joined(waiting), joined(standing)
+    line, passes = ways.causes(rows)
+    causes = [_cause(trajectory.building, one) for one in ways.lines]
+    causes += [("level", level.title) for level in trajectory.building.levels]
+    numbers = {cause: number for number, cause in enumerate(dict.fromkeys(causes))}
+    cause = np.array([numbers[one] for one in causes], np.int64)[line]
+    away = ways.distances(rows, line)
+    queues = []
+    for (kind, name), number in numbers.items():
+        if (own := np.flatnonzero(cause == number)).size:
+            queue = _Waiting(trajectory, ways, rows.chosen(own), line[own], passes[own], away[own])
+            queues.append(queue.of(kind, name, float(rows.waits.sum()), still))
+    return tuple(sorted(queues, key=lambda queue: -queue.waited))
+
+
+def _cause(building: Building, line: LineFlow) -> tuple[str, str]:
+    """Return kind and name of what people wait for before a line: of an end of a stair, the stair or its shaft."""
+    for name, stairs in building.shafts.items() if line.kind == "portal" else ():
+        if not {building.levels[level].stair for level in line.levels}.isdisjoint(stairs):
+            return "shaft" if len(stairs) > 1 else "stair", name
+    return line.kind, line.name
+
+
+class _Ways:
+    """The passages of people in order, and where a queue goes on beyond what they pass."""
+
+    def __init__(self, trajectory: Trajectory, flows: Iterable[LineFlow]) -> None:
+        self.building, self._time = trajectory.building, trajectory.time
+        stair = [level.stair for level in self.building.levels]
+        self.lines = [
+            line
+            for line in flows
+            if line.kind != "line" and (len(line.levels) == 1 or len({stair[k] or k for k in line.levels}) == 2)
+        ]
+        number = np.repeat(np.arange(len(self.lines)), [line.people for line in self.lines])
+        person, time, forward = (
+            np.concatenate([np.zeros(0), *(getattr(line, name) for line in self.lines)])
+            for name in ("person", "time", "forward")
+        )
+        order = np.lexsort([time, person])
+        self._person, self._passed, self._line = person[order], time[order], number[order]
+        self._way = 2 * self._line + forward[order].astype(np.int64)  # a line in one direction
+        self._end = float(self._time[-1]) + 1.0 if len(self._time) else 1.0
+        self._key = self._person * self._end + np.minimum(self._passed, self._time[-1])
+        bins = int(self._end // SPAN) + 1
+        self._watched, self._waited = np.zeros((2, 2 * len(self.lines), bins))  # [s]
+
+    def _next(self, rows: Records) -> NDArray[np.int64]:
+        """Return the place among all passages of the next one of each row, which may be one of somebody else."""
+        place: NDArray[np.int64] = np.searchsorted(
+            self._key, rows.person * self._end + self._time[rows.frame], side="right"
+        )
+        return place
+
+    def watch(self, rows: Records) -> None:
+        """Add up how long people are watched, and wait, after what they have passed."""
+        before = self._next(rows) - 1
+        if not len(self._person):
+            return
+        is_own = (before >= 0) & (self._person[before] == rows.person)
+        is_own &= self._time[rows.frame] - self._passed[before] <= BEYOND
+        where = self._way[before[is_own]], (self._time[rows.frame[is_own]] // SPAN).astype(np.int64)
+        np.add.at(self._watched, where, np.diff(self._time, prepend=self._time[0])[rows.frame[is_own]])
+        np.add.at(self._waited, where, rows.waits[is_own])
+
+    def causes(self, rows: Records) -> tuple[NDArray[np.int64], FloatArray]:
+        """Return the line at the head of the queue of each row, or the number of lines plus a level; and its time."""
+        there = np.append(self._person, -1)
+        place = self._next(rows)
+        passes = there[place] == rows.person
+        seen, goes_on = self._watched > 0.0, self._waited > GOES_ON * self._watched
+        last = np.maximum.accumulate(np.where(seen, np.arange(seen.shape[1]), 0), axis=1)
+        goes_on = np.take_along_axis(goes_on, last, axis=1)  # until somebody passes again
+        span = (self._time[rows.frame] // SPAN).astype(np.int64)
+        moves = passes.copy()
+        while moves.any():
+            at = np.flatnonzero(moves)
+            goes = goes_on[self._way[place[at]], span[at]] & (there[place[at] + 1] == rows.person[at])
+            place[at] += goes
+            moves[at] = goes
+        line = np.append(self._line, -1)[np.where(passes, place, -1)]
+        for level in np.unique(rows.level[~passes]).tolist():
+            own = ~passes & (rows.level == level)
+            line[own] = self._nearest(level, rows.position[own])
+        return line, np.where(passes, np.append(self._passed, np.inf)[np.where(passes, place, -1)], np.inf)
+
+    def _nearest(self, level: int, position: FloatArray) -> NDArray[np.int64]:
+        here = [k for k, line in enumerate(self.lines) if level in line.levels]
+        if not here:
+            return np.full(len(position), len(self.lines) + level)
+        distances = [shapely.distance(self._shape(k), shapely.points(position)) for k in here]
+        nearest: NDArray[np.int64] = np.array(here)[np.argmin(distances, axis=0)]
+        return nearest
+
+    def _shape(self, line: int) -> shapely.MultiLineString:
+        return shapely.multilinestrings([part.reshape(2, 2) for part in self.lines[line].segments])
+
+    def distances(self, rows: Records, line: NDArray[np.int64]) -> FloatArray:
+        """Return how far each row is from its line [m]; inf on other levels, 0 without a line."""
+        away = np.where(line < len(self.lines), np.inf, 0.0)
+        for k in np.unique(line[line < len(self.lines)]).tolist():
+            own = (line == k) & np.isin(rows.level, self.lines[k].levels)
+            away[own] = shapely.distance(self._shape(k), shapely.points(rows.position[own]))
+        return away
+
+    def middle(self, line: int) -> FloatArray:
+        """Return the middle of a line (2,) [m]."""
+        segments = self.lines[line].segments
+        middle: FloatArray = segments[len(segments) // 2].reshape(2, 2).mean(axis=0)
+        return middle
+
+
+class _Waiting:
+    """The rows of the people who wait in one queue, with the lines at its head and when each of them passes it."""
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        ways: _Ways,
+        rows: Records,
+        line: NDArray[np.int64],
+        passes: FloatArray,
+        away: FloatArray,
+    ) -> None:
+        self._trajectory, self._ways, self._rows = trajectory, ways, rows
+        self._line, self._passes, self._away = line, passes, away
+
+    def of(self, kind: str, name: str, all_waited: float, still: Records) -> Queue:
+        """Return the queue."""
+        rows, time, frames = self._rows, self._trajectory.time, len(self._trajectory)
+        levels = self._trajectory.building.levels
+        at_once = np.bincount(rows.frame, minlength=frames)
+        peak = int(at_once.argmax())
+        then = np.flatnonzero(rows.frame == peak)
+        many = np.flatnonzero(at_once >= max(1.0, 0.1 * at_once[peak]))
+        head = then[self._line[then] == np.bincount(self._line[then]).argmax()]
+        first = head[np.argmin(self._away[head])]
+        at = self._ways.middle(self._line[first]) if kind != "level" else rows.position[then].mean(axis=0)
+        return Queue(
+            kind=kind,
+            name=name,
+            level=levels[rows.level[first]].name,
+            x=float(at[0]),
+            y=float(at[1]),
+            tail=levels[rows.level[then[np.lexsort([self._away[then], self._passes[then]])[-1]]]].title,
+            people=len(np.unique(rows.person)),
+            waited=float(rows.waits.sum()),
+            share=float(rows.waits.sum()) / all_waited,
+            most=int(at_once[peak]),
+            time=float(time[peak]),
+            start=float(time[many[0]]),
+            end=float(time[many[-1]]),
+            blocker=self._blocker(still),
+            at_once=at_once,
+            near=np.bincount(rows.frame[self._away <= NEAR], minlength=frames),
+        )
+
+    def _blocker(self, still: Records) -> str:
+        """Return who stands before the first of the queue, nearer to the line, during more than half of the waiting."""
+        rows, blocked = self._rows, dict[int, float]()
+        for frame in np.intersect1d(rows.frame, still.frame).tolist():
+            own = np.flatnonzero(rows.frame == frame)
+            first = own[np.lexsort([self._away[own], self._passes[own]])[0]]
+            there = slice(*np.searchsorted(still.frame, [frame, frame + 1]))
+            is_near = np.hypot(*(still.position[there] - rows.position[first]).T) <= FRONT
+            near = np.flatnonzero(is_near & (still.level[there] == rows.level[first])) + there.start
+            away = self._ways.distances(still.chosen(near), np.full(len(near), self._line[first]))
+            if len(near) and away.min() < self._away[first]:
+                person = int(still.person[near[away.argmin()]])
+                blocked[person] = blocked.get(person, 0.0) + float(rows.waits[own].sum())
+        person = max(blocked, key=blocked.__getitem__, default=-1)
+        if blocked.get(person, 0.0) <= 0.5 * rows.waits.sum():
+            return ""
+        until = int(still.frame[still.person == person].max())
+        has_walked = any((one.person[one.started] == person).any() for one in self._trajectory.rows[:until])
+        return f"person {person}, who {'stands still' if has_walked else 'has not started'}"
