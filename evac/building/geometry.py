@@ -1,6 +1,9 @@
 """Plane geometry: connected components, overlays, polygons and segments."""
 
 from collections.abc import Callable, Sequence
+from functools import wraps
+from hashlib import blake2b
+from typing import ParamSpec, TypeVar
 
 import numpy as np
 import shapely
@@ -9,6 +12,8 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.defaults import LEAST_LENGTH
+
+Given, Made = ParamSpec("Given"), TypeVar("Made")
 
 
 def connected_components(count: int, pairs: IndexArray) -> IndexArray:
@@ -29,6 +34,35 @@ def connected_components(count: int, pairs: IndexArray) -> IndexArray:
             least = further
 
 
+#: Greatest number of results of a function that are kept.
+MOST_KEPT = 20_000
+
+
+def remembered(function: Callable[Given, Made]) -> Callable[Given, Made]:
+    """Keep the results of a function of shapes, arrays and numbers, so that storeys that are equal are made once."""
+    kept: dict[bytes, Made] = {}
+
+    @wraps(function)
+    def call(*given: Given.args, **named: Given.kwargs) -> Made:
+        key = blake2b(b"".join(map(_content, (*given, *named.values()))), digest_size=16).digest()
+        if key not in kept:
+            kept[key] = function(*given, **named)
+            if len(kept) > MOST_KEPT:
+                del kept[next(iter(kept))]
+        return kept[key]
+
+    return call
+
+
+def _content(value: object) -> bytes:
+    """Return what a shape, shapes, an array of numbers, or a number consists of."""
+    if isinstance(value, BaseGeometry):
+        return bytes(shapely.to_wkb(value))
+    if isinstance(value, Sequence) or (isinstance(value, np.ndarray) and value.dtype == object):
+        return b"".join(shapely.to_wkb(np.array(value, dtype=object)).tolist())
+    return repr(value.shape).encode() + value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
+
+
 #: Grid to which coordinates of plans are rounded, on which overlays are exact [m].
 GRID = 1e-6
 #: Minimum area of polygons, and of changes by repairs that are reported [m2].
@@ -42,6 +76,7 @@ def flat_parts(geometry: BaseGeometry) -> BaseGeometry:
     return kept[0] if len(kept) == 1 else shapely.multipolygons(kept)
 
 
+@remembered
 def united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
     """Return the union of polygons on the grid of plans."""
     return flat_parts(shapely.union_all(polygons, grid_size=GRID))

@@ -154,13 +154,13 @@ class Drawing:
         if len(rooms) < len(storey.polygons):
             count = counted(len(storey.polygons) - len(rooms), "polygon is a copy", "polygons are copies")
             self._find("assumed", f"{count} of another one, and left out", name, rooms[0], f"storeys.{name}")
-        joined = united(rooms)
-        is_double = sum(room.area for room in rooms) - joined.area > LEAST_AREA
-        if is_double and (double := _overlap(rooms)).area > LEAST_AREA:
+        one, other = shapely.STRtree(rooms).query(rooms, "intersects")
+        rows = np.unique(one[(one != other) & ~shapely.touches(np.array(rooms)[one], np.array(rooms)[other])])
+        if len(rows) and (double := _overlap([rooms[row] for row in rows.tolist()])).area > LEAST_AREA:
             text = f"polygons overlap on {double.area:.2f} m2 and are joined; the largest overlap is here"
             largest = max(shapely.get_parts(double), key=lambda part: part.area)
             self._find("assumed", text, name, largest, f"storeys.{name}")
-        self.floors[name] = united(with_walls(rooms, storey.wall)) if storey.wall else joined
+        self.floors[name] = united(with_walls(rooms, storey.wall) if storey.wall else rooms)
 
     def _open_doors(self) -> None:
         """Open the doors of the plan in order; each meets what is near it of the rooms and of earlier doors."""

@@ -23,6 +23,7 @@ from evac.building.geometry import (
     gaps_along,
     pieces_along,
     place_of,
+    remembered,
     segment_lengths,
     sides,
 )
@@ -252,13 +253,14 @@ def covered(pieces: FloatArray, ends: FloatArray) -> float:
     return float(np.hypot(*(ends[1] - ends[0])) - gaps_along(pieces, ends).sum())
 
 
+@remembered
 def strip(polygon: BaseGeometry, ends: FloatArray, way: FloatArray, reach: float) -> Strip | None:
     """Return the strip of ground between a segment and a floor in a given direction.
 
     `polygon`: the floor; `ends` (2, 2) [m]; `way` (2,): unit vector across the segment; `reach` [m].
     """
     far = ends + (reach + LEAST_LENGTH) * way
-    corridor = shapely.set_precision(shapely.polygons([*ends, *far[::-1]]), GRID)
+    corridor = shapely.polygons([*ends, *far[::-1]])
     line, end = shapely.linestrings([ends, far])
     gaps = shapely.get_parts(cut(corridor, polygon))
     gaps = gaps[shapely.dwithin(gaps, line, 2 * GRID)]
@@ -329,6 +331,7 @@ def written(ends: FloatArray) -> str:
     return f"({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f})"
 
 
+@remembered
 def with_walls(rooms: Sequence[BaseGeometry], thickness: float) -> list[BaseGeometry]:
     """Shrink adjacent rooms so that walls of a given thickness fit between them; outer sides are not moved."""
     outlines = shapely.boundary(np.array(rooms, dtype=object))
@@ -352,6 +355,7 @@ def distinct(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
     return list(by_shape.values())
 
 
+@remembered
 def placed(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatArray, str]:
     """Return the segment of a door along its wall, and a description of what was changed, if anything.
 

@@ -418,6 +418,7 @@ def find_doors(surface: Surface, levels: tuple[Level, ...]) -> tuple[Door, ...]:
     point = shapely.points(middle[:, :2])
     off = np.empty((len(levels), len(middle)))
     for row, level in enumerate(levels):
+        shapely.prepare(level.polygon)
         near = shapely.get_coordinates(shapely.shortest_line(level.polygon, point))[::2]
         height = level_elevation(surface.vertices, level, near)
         off[row] = shapely.distance(level.polygon, point) + np.abs(height - middle[:, 2])
