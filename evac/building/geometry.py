@@ -13,7 +13,8 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.defaults import LEAST_LENGTH
 
-Given, Made = ParamSpec("Given"), TypeVar("Made")
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
 
 
 def connected_components(count: int, pairs: IndexArray) -> IndexArray:

@@ -27,7 +27,7 @@ from evac.building.plan.outlines import (
     normal,
     noting,
     placed,
-    strip,
+    strips,
     with_walls,
     written,
 )
@@ -225,13 +225,14 @@ class Drawing:
             remedy = "" if door.key else f"segment = {segment.tolist()}"
             text = f"door {door.name!r} {change}"
             self._find("assumed", text, door.storey, segment, key_of("doors", door), remedy)
-        strips = [strip(floor, segment, way, door.reach) for way in (normal(segment), -normal(segment))]
-        ground = [side.polygon for side in strips if side is not None and not side.polygon.is_empty]
-        if all(strips):
+        left = normal(segment)
+        found = strips(floor, segment, np.stack([left, -left]), door.reach)
+        ground = [side.polygon for side in found if side is not None and not side.polygon.is_empty]
+        if all(found):
             z = self.plan.storeys[door.storey].z
             self.doors.append((door.name, np.column_stack([segment, [z, z]])))
             return ground
-        if not any(strips):
+        if not any(found):
             raise ValueError(
                 f"at least a part of {written(segment)} has no room within {door.reach:g} m on storey {door.storey!r}; "
                 f"{nearest(floor, segment, reach=door.reach, between=True)}: move the door there, or increase reach"
@@ -253,9 +254,9 @@ class Drawing:
             self.openings.append((door.storey, ends[0]))
         return ground
 
-    def _add(self, storey: str, strips: list[Strip]) -> None:
+    def _add(self, storey: str, added: list[Strip]) -> None:
         """Add strips of ground to a floor."""
-        parts = [part.polygon for part in strips if not part.polygon.is_empty]
+        parts = [part.polygon for part in added if not part.polygon.is_empty]
         if parts:
             self.floors[storey] = united([self.floors[storey], *parts])
 
@@ -378,7 +379,7 @@ class Drawing:
         length = float(np.hypot(*(edge[1] - edge[0])))
         beside = covered(along(self.floors[storey], edge, 2e-6), edge)
         if beside < length - LEAST_LENGTH:
-            gap = strip(self.floors[storey], edge, way, SNAP)
+            (gap,) = strips(self.floors[storey], edge, way[None], SNAP)
             if gap is not None and not gap.polygon.is_empty:
                 self._add(storey, [gap])
                 self._find("repaired", f"gap of {gap.depth:.3f} m at the {end} end of {what} closed", storey, edge, key)
@@ -443,8 +444,8 @@ class Drawing:
         edge = f"{nearest(self.rooms[item.storey], segment, reach=DOOR_REACH)}: put both ends of the exit on it"
         if shapely.intersects_xy(floor, middle + BESIDE * np.stack([left, -left])).all():
             raise ValueError(f"{written(segment)} runs through the floor of storey {item.storey!r}; {edge}")
-        strips = [strip(floor, segment, way, DOOR_REACH) for way in (left, -left)]
-        inward = [side for side in strips if side is not None and not side.polygon.is_empty]
+        beside_it = strips(floor, segment, np.stack([left, -left]), DOOR_REACH)
+        inward = [side for side in beside_it if side is not None and not side.polygon.is_empty]
         if len(inward) > 1:
             raise ValueError(between_rooms(segment, item.storey))
         if not inward:
@@ -589,6 +590,6 @@ def _reaching(outside: BaseGeometry, floor: BaseGeometry) -> BaseGeometry:
     rest = cut(floor, outside)
     wide = rest.buffer(-SNAP / 2, join_style="mitre").buffer(SNAP / 2, join_style="mitre")
     near = outside.buffer(SNAP, join_style="mitre").buffer(LEAST_LENGTH)
-    strips = [part for part in shapely.get_parts(cut(rest, wide)) if near.covers(part)]
-    touching = [part for part in strips if part.distance(outside) < LEAST_LENGTH]
+    narrow = [part for part in shapely.get_parts(cut(rest, wide)) if near.covers(part)]
+    touching = [part for part in narrow if part.distance(outside) < LEAST_LENGTH]
     return united([outside, *touching]) if touching else outside

@@ -17,6 +17,7 @@ from evac.base.errors import BuildingError
 from evac.building.geometry import (
     ALONG,
     GRID,
+    LEAST_AREA,
     between_floors,
     cut,
     flat_parts,
@@ -253,24 +254,35 @@ def covered(pieces: FloatArray, ends: FloatArray) -> float:
     return float(np.hypot(*(ends[1] - ends[0])) - gaps_along(pieces, ends).sum())
 
 
-@remembered
 def strip(polygon: BaseGeometry, ends: FloatArray, way: FloatArray, reach: float) -> Strip | None:
-    """Return the strip of ground between a segment and a floor in a given direction.
+    """Return the strip of ground between a segment and a floor in one direction; see `strips`."""
+    return strips(polygon, ends, way[None], reach)[0]
 
-    `polygon`: the floor; `ends` (2, 2) [m]; `way` (2,): unit vector across the segment; `reach` [m].
+
+@remembered
+def strips(polygon: BaseGeometry, ends: FloatArray, ways: FloatArray, reach: float) -> tuple[Strip | None, ...]:
+    """Return the strips of ground between a segment and a floor in some directions, None where there is no floor.
+
+    `polygon`: the floor; `ends` (2, 2) [m]; `ways` (n, 2): unit vectors across the segment; `reach` [m].
     """
-    far = ends + (reach + LEAST_LENGTH) * way
-    corridor = shapely.polygons([*ends, *far[::-1]])
-    line, end = shapely.linestrings([ends, far])
-    gaps = shapely.get_parts(cut(corridor, polygon))
-    gaps = gaps[shapely.dwithin(gaps, line, 2 * GRID)]
-    gap = gaps[0] if len(gaps) == 1 else shapely.union_all(gaps)
-    if gap.is_empty:
-        return Strip(gap, 0.0)
-    if shapely.dwithin(gap, end, 2 * GRID) and gap.intersection(end.buffer(2 * GRID)).area > 2 * GRID * BESIDE_JAMB:
-        return None
-    depth = float(((shapely.get_coordinates(gap) - ends[0]) @ way).max())
-    return Strip(gap, depth)
+    far = ends + (reach + LEAST_LENGTH) * ways[:, None]
+    corridors = shapely.polygons(np.concatenate([np.broadcast_to(ends, far.shape), far[:, ::-1]], axis=1))
+    parts, owner = shapely.get_parts(shapely.difference(corridors, polygon, grid_size=GRID), return_index=True)
+    is_gap = (shapely.get_type_id(parts) == shapely.GeometryType.POLYGON) & (shapely.area(parts) > LEAST_AREA)
+    is_gap &= shapely.dwithin(parts, shapely.linestrings(ends), 2 * GRID)
+    tops, found = shapely.linestrings(far), list[Strip | None]()
+    for row, (way, top) in enumerate(zip(ways, tops, strict=True)):
+        gaps = parts[is_gap & (owner == row)]
+        gap = gaps[0] if len(gaps) == 1 else shapely.union_all(gaps)
+        if gap.is_empty:
+            found.append(Strip(gap, 0.0))
+        elif shapely.dwithin(gap, top, 2 * GRID) and (
+            gap.intersection(top.buffer(2 * GRID)).area > 2 * GRID * BESIDE_JAMB
+        ):
+            found.append(None)
+        else:
+            found.append(Strip(gap, float(((shapely.get_coordinates(gap) - ends[0]) @ way).max())))
+    return tuple(found)
 
 
 def normal(ends: FloatArray) -> FloatArray:

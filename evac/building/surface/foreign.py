@@ -159,15 +159,17 @@ def _reached(
 ) -> tuple[list[Patch], list[Finding]]:
     """Return the parts without those that nobody reaches by steps: tops of walls and furniture, and roofs.
 
-    A roof or the top of a table is above a floor with walls, and has none itself. `before`: patches before any part of
-    them was removed, since bodies that stand on a floor are cut out of it.
+    A roof or the top of a table is above a floor with walls, and has none itself, nor a name as a floor. `before`: patches
+    before any part of them was removed, since bodies that stand on a floor are cut out of it.
     """
     pairs = [(k, j) for k, near in enumerate(_beside(parts)) for j in near if k < j and _is_step(parts[k], parts[j])]
     group = connected_components(len(parts), np.array(pairs, dtype=np.int64).reshape(-1, 2))
     is_solid = np.array([part.body in solid for part in parts])
     is_walled, is_small = upright.stand_on(parts), np.array([_is_top(part) for part in parts])
     has_floor, has_walls = (np.zeros(len(parts), dtype=bool) for _ in range(2))
-    has_floor[group[~is_small | ~is_solid]] = has_walls[group[(is_walled & ~is_small) | ~is_solid]] = True
+    is_named = np.array([any(tag.startswith(("floor:", "stair:")) for tag in part.tags) for part in parts], dtype=bool)
+    has_floor[group[~is_small | ~is_solid | is_named]] = True
+    has_walls[group[(is_walled & ~is_small) | ~is_solid | is_named]] = True
     walled = {(part.body, part.z) for part, has in zip(parts, is_walled, strict=True) if has}
     floors = [patch for patch in before if (patch.body, patch.z) in walled]
     tree = shapely.STRtree([floor.plan for floor in floors])

@@ -419,9 +419,10 @@ def find_doors(surface: Surface, levels: tuple[Level, ...]) -> tuple[Door, ...]:
     off = np.empty((len(levels), len(middle)))
     for row, level in enumerate(levels):
         shapely.prepare(level.polygon)
-        near = shapely.get_coordinates(shapely.shortest_line(level.polygon, point))[::2]
+        near, beside = middle[:, :2].copy(), ~shapely.intersects(level.polygon, point)
+        near[beside] = shapely.get_coordinates(shapely.shortest_line(level.polygon, point[beside]))[::2]
         height = level_elevation(surface.vertices, level, near)
-        off[row] = shapely.distance(level.polygon, point) + np.abs(height - middle[:, 2])
+        off[row] = np.hypot(*(near - middle[:, :2]).T) + np.abs(height - middle[:, 2])
     doors: list[Door] = []
     for (name, ends), on in zip(surface.doors, off.argmin(axis=0).tolist(), strict=True):
         segment = ends[:, :2].ravel()
