@@ -5,7 +5,7 @@ import pytest
 import shapely
 from scipy import sparse
 
-from evac.building.geometry import connected_components, union
+from evac.building.geometry import connected_components, remembered, union
 from tests.properties.random_meshes import random_mesh
 
 
@@ -40,3 +40,28 @@ def test_no_polygon_is_lost(seed):
 def test_overlaps_count_once():
     pieces = [shapely.box(0, 0, 2, 2), shapely.box(1, 1, 3, 3), shapely.box(1, 1, 2, 2)]
     assert union(pieces).area == 7.0
+
+
+def test_results_are_remembered_by_the_content_of_shapes_arrays_and_numbers():
+    calls = []
+
+    @remembered
+    def area(polygons, ends, reach):
+        calls.append(reach)
+        if reach < 0.0:
+            raise ValueError("no reach")
+        return sum(polygon.area for polygon in polygons) + ends.sum() + reach
+
+    def room(size):
+        return shapely.box(0, 0, size, size)
+
+    ends = np.array([[1.0, 2.0], [3.0, 4.0]])
+    assert area([room(1), room(2)], ends, 1.0) == area((room(1), room(2)), ends.copy(), 1.0) == 16.0
+    assert len(calls) == 1
+    others = ([room(2), room(1)], ends, 1.0), ([room(1), room(2)], ends.ravel(), 1.0), ([room(1)], ends, 1.0)
+    assert [area(*given) for given in (*others, ([room(1), room(2)], ends, 2.0))] == [16.0, 16.0, 12.0, 17.0]
+    assert len(calls) == 5
+    for _ in range(2):
+        with pytest.raises(ValueError, match="reach"):
+            area([], ends, -1.0)
+    assert len(calls) == 7

@@ -159,8 +159,8 @@ def _reached(
 ) -> tuple[list[Patch], list[Finding]]:
     """Return the parts without those that nobody reaches by steps: tops of walls and furniture, and roofs.
 
-    A roof or the top of a table is above a floor with walls, and has none itself, nor a name as a floor. `before`: patches
-    before any part of them was removed, since bodies that stand on a floor are cut out of it.
+    A roof or the top of a table is above a floor with walls, and has none itself, nor a name as a floor. `before`:
+    patches before any part of them was removed, since bodies that stand on a floor are cut out of it.
     """
     pairs = [(k, j) for k, near in enumerate(_beside(parts)) for j in near if k < j and _is_step(parts[k], parts[j])]
     group = connected_components(len(parts), np.array(pairs, dtype=np.int64).reshape(-1, 2))
