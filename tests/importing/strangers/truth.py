@@ -96,12 +96,14 @@ class Storey:
     @property
     def outline(self):
         """The outer face of the outer walls."""
-        return shapely.union_all([wall.body for wall in self.walls] + [room.polygon for room in self.rooms])
+        whole = shapely.union_all([wall.body for wall in self.walls] + [room.polygon for room in self.rooms])
+        return Polygon(whole.exterior).simplify(1e-6)
 
     @property
     def wall_bodies(self):
         """All walls without their openings, from the floor to the lintels."""
-        return shapely.union_all([wall.body for wall in self.walls]) - shapely.union_all([d.strip for d in self.doors])
+        strips = [door.strip.buffer(1e-6, join_style="mitre") for door in self.doors]
+        return shapely.union_all([wall.body for wall in self.walls]) - shapely.union_all(strips)
 
     @property
     def floor(self):
