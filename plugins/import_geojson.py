@@ -19,7 +19,19 @@ from evac.building.geometry import flat_parts, lines_of, place_of
 from evac.building.importer import Importer
 from evac.building.plan.outlines import distinct, geometries, with_walls
 from evac.building.plan.plan import Plan
-from evac.building.recover.indoormaps import PROFILES, Steps, Storey, at_outline, door_at, profile_of, read_map
+from evac.building.recover.indoormaps import (
+    BESIDE,
+    PROFILES,
+    MapDoor,
+    Steps,
+    Storey,
+    at_outline,
+    door_at,
+    laid,
+    pieces_of,
+    profile_of,
+    read_map,
+)
 from evac.building.recover.linework import LEAST_ROOM, door_sides, leads_out
 
 #: Values of the property ``kind`` of a feature.
@@ -35,8 +47,6 @@ INDOOR_WALL = 0.1
 STRAIGHT = 0.01
 #: Polygons that rise by more above their base, which is lower than heads, are no ground if there are others [m].
 STEP, HEADS = 0.3, 1.8
-#: Greatest distance of a door from its room [m].
-BESIDE = 0.3
 #: Largest content of an archive [bytes].
 MOST_BYTES = 500_000_000
 #: Largest extent of a building with coordinates in degrees [degrees].
@@ -118,25 +128,33 @@ class GeojsonImporter(Importer):
         if not storeys:
             raise ValueError("the indoor map has no room, corridor or unit that people can walk in")
         ground = min(storeys, key=lambda one: abs(one.order))
+        named = {storey.name: storey for storey in storeys}
+        heights = {one.name: self.z + (one.order - storeys[0].order) * self.height for one in storeys}
         flights = []
         for one in steps:
-            foot, head = shapely.get_coordinates(one.line)[[0, -1]]
-            edges = [_edge(end, head - foot, one.width) for end in (foot, head)]
-            flights.append(edges)
-            for storey in storeys:
-                if storey.name in one.levels:
-                    storey.solids.append(shapely.convex_hull(shapely.MultiPoint(np.concatenate(edges))))
+            low, up = (named[name] for name in one.levels)
+            flights.append(pieces_of(laid(one, low, up, heights[up.name] - heights[low.name])))
+        for one, (edges, landings) in zip(steps, flights, strict=True):
+            pieces = [shapely.MultiPoint(edge.reshape(-1, 2)).convex_hull for edge in edges]
+            for name in one.levels:
+                named[name].solids += [*pieces, *landings]
         for storey in storeys:
-            z = self.z + (storey.order - storeys[0].order) * self.height
-            self._add_level(plan, storey, z, "exit" if storey.order == ground.order else "opening")
-        for number, (one, edges) in enumerate(zip(steps, flights, strict=True), start=1):
-            name = f"{one.name} {number}"
-            plan.stair(name, one.levels[0], edges[0], one.levels[1], edges[1])
-            try:
-                plan.building(need_exit=False)
-            except BuildingError as error:
-                plan.stairs.pop()
-                text = f"stair {name!r} from {one.levels[0]!r} to {one.levels[1]!r}: {error}"
+            is_ground = storey.order == ground.order
+            self._add_level(plan, storey, heights[storey.name], "exit" if is_ground else "opening")
+        numbers = range(1, len(steps) + 1)
+        stairs = [(f"{one.name} {k}", one, own) for k, one, own in zip(numbers, steps, flights, strict=True)]
+        for name, one, own in stairs:
+            _add_stair(plan, name, one, own, heights)
+        fault = _fault(plan)
+        if fault:  # Those that do not fit are found one by one.
+            plan.stairs, plan.pieces = [], []
+        for name, one, own in stairs:
+            kept = [*plan.stairs], [*plan.pieces]
+            if fault:
+                _add_stair(plan, name, one, own, heights)
+            if fault and (why := _fault(plan)):
+                plan.stairs, plan.pieces = kept
+                text = f"stair {name!r} from {one.levels[0]!r} to {one.levels[1]!r}: {why}"
                 plan.note("missing", text, one.levels[0], place_of(one.line))
                 continue
             plan.note("found", f"stair {name!r}", one.levels[0], place_of(one.line))
@@ -146,39 +164,49 @@ class GeojsonImporter(Importer):
     def _add_level(self, plan: Plan, storey: Storey, z: float, outside: str) -> None:
         """Add one storey of an indoor map; its rooms have walls if it has doors for most of them."""
         solid = shapely.union_all(storey.solids)
-        ways = [*shapely.get_parts(shapely.union_all(storey.ways))]
         rooms = [shape for _, shape in storey.rooms]
-        doors = shapely.union_all([shape for _, shape, _ in storey.doors])
-        has_walls = 2 * sum(room.dwithin(doors, BESIDE) for room in rooms) >= len(rooms) > 0
-        whole = [
-            one
-            for one in shapely.get_parts(flat_parts(shapely.union_all([*storey.ways, *rooms]).difference(solid)))
-            if one.area > LEAST_ROOM
-        ]
-        parts = [one for shape in (*ways, *rooms) for one in shapely.get_parts(flat_parts(shape.difference(solid)))]
+        has_walls = 2 * sum(room.dwithin(storey.outlets, BESIDE) for room in rooms) >= len(rooms) > 0
+        spaces = storey.spaces() if has_walls else [shapely.union_all([*storey.ways, *rooms])]
+        parts = [one for space in spaces for one in shapely.get_parts(flat_parts(space.difference(solid)))]
+        parts = [one for one in parts if one.area > LEAST_ROOM]
         wall = self.wall or (INDOOR_WALL if has_walls else 0.0)
-        floor = shapely.union_all(with_walls(distinct(parts), wall)) if has_walls else shapely.union_all(whole)
-        plan.storey(storey.name, parts if has_walls else whole, z, wall=wall)
+        floor = shapely.union_all(with_walls(distinct(parts), wall) if has_walls else parts)
+        plan.storey(storey.name, parts, z, wall=wall)
         plan.note("found", f"{len(rooms)} rooms and {len(storey.ways)} ways", storey.name)
         if rooms and not has_walls:
             text = (
                 f"the map has {len(storey.doors)} doors for {len(rooms)} rooms: rooms that touch are open to each other"
             )
             plan.note("assumed", text, storey.name)
-        walls = shapely.union_all([shapely.boundary(one) for one in shapely.get_parts(floor)])
-        for number, (name, shape, width) in enumerate(storey.doors, start=1):
-            label = f"{storey.name} {name or 'door'} {number}"
-            ends = door_at(shape, width, walls)
-            if ends is not None and leads_out(ends.reshape(1, 4), floor)[0]:
-                ends = at_outline(ends, floor)
-            sides = 0 if ends is None else int(door_sides(ends.reshape(1, 4), floor)[0])
-            if ends is None or sides == 0 or (sides == 1 and not leads_out(ends.reshape(1, 4), floor)[0]):
-                plan.note("left out", f"{label!r}: a door that joins nothing", storey.name, place_of(shape))
-                continue
-            plan.door(label, storey.name, ends, outside=outside)
-            plan.note("found", f"{'door' if sides == 2 else outside} {label!r}", storey.name, place_of(shape))
+        for number, door in enumerate(storey.doors, start=1):
+            self._add_door(plan, storey, door, f"{storey.name} {door.name or 'door'} {number}", parts, floor, outside)
         for number, (name, shape) in enumerate(storey.rooms, start=1):
             plan.area(f"{storey.name} {name or 'room'} {number}", storey.name, shape)
+
+    def _add_door(
+        self,
+        plan: Plan,
+        storey: Storey,
+        door: MapDoor,
+        label: str,
+        spaces: Sequence[BaseGeometry],
+        floor: BaseGeometry,
+        outside: str,
+    ) -> None:
+        """Add one door of an indoor map, or say why it is none."""
+        ends, place = door_at(door.shape, door.width, spaces), place_of(door.shape)
+        leads = ends is not None and bool(leads_out(ends.reshape(1, 4), floor)[0])
+        if ends is not None and leads:
+            ends = at_outline(ends, floor)
+        sides = 0 if ends is None else int(door_sides(ends.reshape(1, 4), floor)[0])
+        if sides < 2 and shapely.union_all(storey.shafts).dwithin(door.shape, BESIDE):
+            plan.note("left out", f"{label!r}: a door to a lift, a shaft or a void", storey.name, place)
+        elif ends is None or sides == 0 or (sides == 1 and not leads):
+            plan.note("left out", f"{label!r}: a door that joins nothing", storey.name, place)
+        else:
+            outside = "exit" if door.is_entrance else outside
+            plan.door(label, storey.name, ends, outside=outside)
+            plan.note("found", f"{'door' if sides == 2 else outside} {label!r}", storey.name, place)
 
     def _placing(self, plan: Plan, shapes: list[BaseGeometry]) -> Callable[[BaseGeometry], BaseGeometry]:
         """Return the function that converts coordinates of the file to metres."""
@@ -256,10 +284,34 @@ def _texts(path: Path) -> list[str]:
         raise ValueError(f"cannot be read: {error}") from error
 
 
-def _edge(at: FloatArray, way: FloatArray, width: float) -> FloatArray:
-    """Return the edge (2, 2) of a stair across its way."""
-    across = np.array([-way[1], way[0]]) / np.hypot(*way) * width / 2.0
-    return np.stack([at - across, at + across])
+def _add_stair(
+    plan: Plan,
+    name: str,
+    one: Steps,
+    pieces: tuple[list[FloatArray], list[BaseGeometry]],
+    heights: Mapping[str, float],
+) -> None:
+    """Add a stair of an indoor map; its flights ascend by their lengths."""
+    flights, landings = pieces
+    if len(flights) == 1:
+        plan.stair(name, one.levels[0], flights[0][0], one.levels[1], flights[0][1])
+        return
+    lengths = np.hypot(*np.diff([edges.mean(axis=1) for edges in flights], axis=1)[:, 0].T)
+    low, up = (heights[level] for level in one.levels)
+    ends = low + (up - low) * np.cumsum([0.0, *lengths]) / lengths.sum()
+    for edges, z1, z2 in zip(flights, ends.tolist(), ends[1:].tolist(), strict=False):
+        plan.flight(name, edges[0], z1, edges[1], z2)
+    for landing, z in zip(landings, ends[1:].tolist(), strict=False):
+        plan.landing(name, landing, z)
+
+
+def _fault(plan: Plan) -> str:
+    """Return why the building cannot be made; empty if it can."""
+    try:
+        plan.building(need_exit=False)
+    except BuildingError as error:
+        return str(error)
+    return ""
 
 
 def _objects(data: Any) -> list[Mapping[str, Any]]:

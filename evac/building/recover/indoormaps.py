@@ -4,9 +4,10 @@ import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import networkx
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
@@ -14,17 +15,29 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.building.geometry import lines_of
 from evac.building.model.findings import numbered
+from evac.building.surface.welding import weld_points
 
-#: Values that nobody walks on: categories of IMDF, of indoor and of room in OpenStreetMap.
-CLOSED = frozenset(("opentobelow", "structure", "column", "elevator", "shaft", "vegetation", "wall", "void", "parking"))
+#: Values that nobody walks on: categories of IMDF, of indoor and of room in OpenStreetMap. No door to a shaft is an exit.
+SHAFTS = frozenset(("opentobelow", "elevator", "escalator", "shaft", "void"))
+CLOSED = SHAFTS | {"structure", "column", "vegetation", "wall", "parking"}
 #: Categories and values of ways that are open to each other without doors.
 WAYS = frozenset(("walkway", "corridor", "area", "lobby", "foyer", "unenclosedarea", "ramp", "stairs", "steps"))
 #: Categories of units of IMDF that are stairs.
 STAIRS = ("stairs", "steps")
+#: Categories of openings of IMDF that lead out of a building.
+ENTRANCES = ("pedestrian.principal", "emergencyexit")
 #: Width of doors without a width, of stairs without one [m], and the farthest that a door may be from its wall [m].
 DOOR_WIDTH, STAIR_WIDTH, NEAR = 1.0, 1.5, 1.0
 #: Widths of doors that are believed, and least length of a stair in plan [m].
 DOORS, LEAST_STEPS = (0.3, 6.0), 0.5
+#: Metres of a unit in which a width may be given.
+UNITS = {"": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
+#: Corners that are this near to a side are on it, and doors that are this near to a side are doors of it [m].
+SAME, BESIDE = 0.03, 0.3
+#: Stairwells at least this wide have two flights, which have a gap between them; floor before them [m].
+TWO_FLIGHTS, GAP, BEFORE = 1.7, 0.1, 1.2
+#: Length of a stair in plan for each metre that it rises, at most.
+GENTLE = 1.8
 #: Longest name of a level that is not an identifier.
 LONGEST_NAME = 30
 #: Most levels of one feature.
@@ -46,18 +59,50 @@ class Storey:
     rooms: list[tuple[str, BaseGeometry]] = field(default_factory=list)
     ways: list[BaseGeometry] = field(default_factory=list)
     solids: list[BaseGeometry] = field(default_factory=list)
-    doors: list[tuple[str, BaseGeometry, float]] = field(default_factory=list)  # name, line or point, width
+    shafts: list[BaseGeometry] = field(default_factory=list)
+    doors: "list[MapDoor]" = field(default_factory=list)
+
+    @property
+    def outlets(self) -> BaseGeometry:
+        """The places of all doors."""
+        return shapely.union_all([door.shape for door in self.doors])
+
+    def spaces(self) -> list[BaseGeometry]:
+        """Return rooms, and ways, joined where no door is between them; sides that touch agree."""
+        given = [part for way in self.ways for part in shapely.get_parts(way)]
+        rows, others = shapely.STRtree(given).query(given, "intersects")
+        apart = self.outlets.buffer(BESIDE / 2)
+        joined = networkx.Graph()
+        joined.add_nodes_from(range(len(given)))
+        for one, other in zip(rows.tolist(), others.tolist(), strict=True):
+            common = given[one].buffer(SAME) & given[other] if one < other else None
+            if common is not None and (common.area > common.length * SAME or not common.intersects(apart)):
+                joined.add_edge(one, other)
+        ways = [shapely.union_all([given[row] for row in rows]) for rows in networkx.connected_components(joined)]
+        rooms = [part for _, room in self.rooms for part in shapely.get_parts(room)]
+        return agreeing([*ways, *rooms])
+
+
+@dataclass(frozen=True)
+class MapDoor:
+    """A door of a map: its name, its line or point, its width, and whether it is stated to lead out of the building."""
+
+    name: str
+    shape: BaseGeometry
+    width: float
+    is_entrance: bool
 
 
 @dataclass(frozen=True)
 class Steps:
-    """A stair of a map: its name, the names of its levels, its line, its width, and whether the line ascends."""
+    """A stair of a map: its name, those of its levels, its line and width, whether the line ascends, and its area."""
 
     name: str
     levels: tuple[str, str]
     line: BaseGeometry
     width: float
     is_directed: bool
+    area: BaseGeometry | None = None
 
 
 def profile_of(names: set[str]) -> str:
@@ -107,12 +152,12 @@ def read_map(
         if profile == "IMDF" and own.get("category") in STAIRS:
             shafts.append((own, shape, levels[on[0]]))
         for name in on:
-            width = _number(own.get("width"), DOOR_WIDTH)
-            width = width if DOORS[0] <= width <= DOORS[1] else DOOR_WIDTH
-            _add(levels[name], what, _text(own.get("name")), shape, width)
+            _add(levels[name], what, own, shape)
     empty = [one for one in levels.values() if not (one.rooms or one.ways)]
     nowhere += [
-        (f"door {name!r} on level {one.name!r}, which has no room", at) for one in empty for name, at, _ in one.doors
+        (f"door {door.name!r} on level {one.name!r}, which has no room", door.shape)
+        for one in empty
+        for door in one.doors
     ]
     storeys = sorted((one for one in levels.values() if one not in empty), key=lambda one: one.order)
     orders = sorted({storey.order for storey in storeys})
@@ -139,24 +184,33 @@ def _category(profile: str, own: Mapping[str, Any]) -> str:
             return "door"
         if kind == "corridor":  # a type of its own in indoor maps like IMDF
             return "way"
-        return "" if kind != "unit" or category in CLOSED else "way" if category in WAYS else "room"
+        if kind != "unit" or category in CLOSED:
+            return "shaft" if kind == "unit" and category in SHAFTS else ""
+        return "way" if category in WAYS else "room"
     if own.get("highway") == "steps" or own.get("stairs") == "yes" or own.get("room") == "stairs":
         return "steps"
     if own.get("entrance") or own.get("door") not in (None, "no"):
         return "door"
     indoor, room = str(own.get("indoor") or own.get("buildingpart") or ""), str(own.get("room") or "")
-    if not indoor or indoor == "level" or room in CLOSED or own.get("highway") == "elevator":
+    if own.get("highway") == "elevator" or {indoor, room} & SHAFTS:
+        return "shaft"
+    if not indoor or indoor == "level" or room in CLOSED:
         return ""
     return "solid" if indoor == "wall" else "" if indoor in CLOSED else "way" if indoor in WAYS else "room"
 
 
-def _add(storey: Storey, what: str, name: str, shape: BaseGeometry, width: float) -> None:
+def _add(storey: Storey, what: str, own: Mapping[str, Any], shape: BaseGeometry) -> None:
     """Add a feature to a storey."""
-    is_ground = shape.geom_type in ("Polygon", "MultiPolygon")
+    is_ground, name = shape.geom_type in ("Polygon", "MultiPolygon"), _text(own.get("name"))
     if what == "door":
-        storey.doors.append((name, _axis(shape) if is_ground else shape, width))
+        width = _length(own.get("width"), DOOR_WIDTH)
+        width = width if DOORS[0] <= width <= DOORS[1] else DOOR_WIDTH
+        is_entrance = bool(own.get("entrance")) or own.get("category") in ENTRANCES
+        storey.doors.append(MapDoor(name, _axis(shape) if is_ground else shape, width, is_entrance))
     elif what == "solid":
         storey.solids.append(shape if is_ground else shape.buffer(0.05, cap_style="flat"))
+    elif is_ground and what == "shaft":
+        storey.shafts.append(shape)
     elif is_ground and what == "room":
         storey.rooms.append((name, shape))
     elif is_ground:
@@ -166,13 +220,91 @@ def _add(storey: Storey, what: str, name: str, shape: BaseGeometry, width: float
 def _steps(own: Mapping[str, Any], shape: BaseGeometry, on: Sequence[Storey]) -> list[Steps]:
     """Return the stairs of a line, or of a polygon along its longer axis, one from each level to the next."""
     is_line = shape.geom_type == "LineString"
-    line = shape if is_line else _axis(shape)
-    given = _number(own.get("width"), 0.0)
+    line = shape.simplify(SAME) if is_line else _axis(shape)
+    given = _length(own.get("width"), 0.0)
     width = given or (STAIR_WIDTH if is_line else shape.area / max(line.length, 1e-9))
     if own.get("incline") == "down":
         line = line.reverse()
-    name = _text(own.get("name")) or "stair"
-    return [Steps(name, (low.name, up.name), line, width, "incline" in own) for low, up in itertools.pairwise(on)]
+    name, is_directed, area = _text(own.get("name")) or "stair", "incline" in own, None if is_line else shape
+    pairs = itertools.pairwise(on)
+    return [Steps(name, (low.name, up.name), line, width, is_directed, area) for low, up in pairs]
+
+
+def laid(one: Steps, low: Storey, up: Storey, rise: float) -> Steps:
+    """Return a stair that is given by its area with the line on which people walk in it.
+
+    It is straight if there is floor at both ends, or if it is narrow, and else turns back to where the floor or the
+    doors are.
+
+    `rise` [m].
+    """
+    if one.area is None:
+        return one
+    ends = shapely.get_coordinates(one.line)
+    length, width = float(np.hypot(*(ends[1] - ends[0]))), one.width
+    floors = [shapely.union_all([*storey.ways, *(room for _, room in storey.rooms)]) for storey in (low, up)]
+    floors = [floor.difference(one.area.buffer(SAME, join_style="mitre")) for floor in floors]
+    doors = (low.outlets | up.outlets) & one.area.buffer(BESIDE)
+    places = shapely.get_coordinates([part.centroid for part in shapely.get_parts(doors)])
+    walled = bool(len(places))
+    for way in (ends, ends[::-1]):
+        open_at = [
+            not walled and floor.dwithin(shapely.Point(end), 2 * SAME) for floor, end in zip(floors, way, strict=True)
+        ]
+        if all(open_at) or (way is ends and width < TWO_FLIGHTS):
+            return replace(one, line=shapely.LineString(way))
+    near = [sum(floor.dwithin(shapely.Point(end), 2 * SAME) for floor in floors) for end in ends]
+    if walled:
+        first = np.hypot(*(places[:, None] - ends).transpose(2, 0, 1)).sum(axis=0).argmin()
+    else:
+        first = int(near[1] > near[0])
+    start, along = ends[first], (ends[1 - first] - ends[first]) / length
+    across, lane = np.array([-along[1], along[0]]), (width - GAP) / 2
+    flight = min(length - lane - (BEFORE if walled else 0.0), GENTLE * rise / 2 if walled else np.inf)
+    foot = length - lane - flight
+    corners = [(foot, 1), (length - lane / 2, 1), (length - lane / 2, -1), (foot, -1)]
+    line = [start + s * along + side * (lane + GAP) / 2 * across for s, side in corners]
+    return replace(one, line=shapely.LineString(line), width=lane)
+
+
+def pieces_of(one: Steps) -> tuple[list[FloatArray], list[BaseGeometry]]:
+    """Return the edges (2, 2, 2) of the flights of a stair, at foot and head, and the landings between them.
+
+    Turns have landings as deep as the stair is wide; parts of the line that are hardly longer belong to them.
+    """
+    corners = shapely.get_coordinates(one.line)
+    steps = np.diff(corners, axis=0)
+    lengths = np.hypot(*steps.T)
+    last = len(steps) - 1
+    rows = [row for row in range(last + 1) if row in (0, last) or lengths[row] > 1.5 * one.width]
+    ways = steps / lengths[:, None]
+    half = one.width / 2 * np.stack([-ways[:, 1], ways[:, 0]], axis=1)
+    flights = []
+    for row in rows:
+        foot = corners[row] + (row > 0) * one.width / 2 * ways[row]
+        head = corners[row + 1] - (row < last) * one.width / 2 * ways[row]
+        flights.append(np.array([[foot + half[row], foot - half[row]], [head + half[row], head - half[row]]]))
+    landings = []
+    for (row, before), (other, after) in itertools.pairwise(zip(rows, flights, strict=True)):
+        depth = [one.width * ways[row], -one.width * ways[other]]
+        edges = [before[1], before[1] + depth[0], after[0], after[0] + depth[1]]
+        landings.append(shapely.MultiPoint(np.concatenate(edges)).convex_hull)
+    return flights, landings
+
+
+def agreeing(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
+    """Return polygons whose corners and sides are the same where they are at most `SAME` apart."""
+    corners = shapely.get_coordinates([*polygons])
+    vertices, index = weld_points(np.column_stack([corners, np.zeros(len(corners))]), SAME)
+    welded = shapely.set_coordinates(np.array([*polygons], dtype=object), vertices[index][:, :2])
+    points = shapely.points(vertices[:, :2])
+    tree = shapely.STRtree(points)
+    found = []
+    for polygon in welded:
+        near = tree.query(polygon, predicate="dwithin", distance=SAME)
+        snapped = shapely.snap(polygon, shapely.multipoints(points[near]), SAME)
+        found.append(snapped if snapped.is_valid else polygon if polygon.is_valid else polygon.buffer(0))
+    return found
 
 
 def _axis(shape: BaseGeometry) -> BaseGeometry:
@@ -183,24 +315,24 @@ def _axis(shape: BaseGeometry) -> BaseGeometry:
     return shapely.LineString([(corners[0] + corners[1]) / 2, (corners[2] + corners[3]) / 2])
 
 
-def door_at(place: BaseGeometry, width: float, walls: BaseGeometry) -> FloatArray | None:
-    """Return the segment (2, 2) of a door along the wall at which it is; None if there is no wall near it.
+def door_at(place: BaseGeometry, width: float, spaces: Sequence[BaseGeometry]) -> FloatArray | None:
+    """Return the segment (2, 2) of a door along the side of a space at which it is; None if there is none near it.
 
-    `place` [m]; `width` [m]: of a door that is a point; `walls` [m].
+    `place` [m]; `width` [m]: of a door that is a point; `spaces` [m].
     """
     if place.geom_type == "LineString":
         ends = shapely.get_coordinates(place)[[0, -1]]
         return ends if np.hypot(*(ends[1] - ends[0])) > 0.3 else None
     middle = place.centroid
-    lines = [side for part in shapely.get_parts(walls) for side in lines_of(part)]
-    tree = shapely.STRtree(lines)
-    near = tree.query_nearest(middle, max_distance=NEAR)
-    if not len(near):
+    lines = np.array([side for part in spaces for ring in shapely.get_parts(part.boundary) for side in lines_of(ring)])
+    apart = shapely.distance(lines, middle)
+    if not len(lines) or apart.min() > NEAR:
         return None
-    a, b = shapely.get_coordinates(lines[int(near[0])])
+    near = lines[apart <= apart.min() + SAME]
+    a, b = shapely.get_coordinates(near[np.argmax(shapely.length(near))])
     length = float(np.hypot(*(b - a)))
     half = min(width, 0.9 * length) / 2.0
-    at = float(np.clip(shapely.line_locate_point(lines[int(near[0])], middle), half, length - half))
+    at = float(np.clip(shapely.line_locate_point(shapely.LineString([a, b]), middle), half, length - half))
     return np.stack([a + (at - half) * (b - a) / length, a + (at + half) * (b - a) / length])
 
 
@@ -240,6 +372,14 @@ def _text(value: Any) -> str:
     if isinstance(value, Mapping):
         return str(value.get("en") or next(iter(value.values()), ""))
     return "" if value is None else str(value)
+
+
+def _length(value: Any, default: float) -> float:
+    """Return a length in metres, which may have its unit: ``0.9``, ``90 cm``."""
+    found = re.fullmatch(r"\s*([\d.,]+)\s*([a-z]*)\s*", str(value))
+    if found is None or found[2] not in UNITS:
+        return default
+    return _number(found[1].replace(",", "."), default / UNITS[found[2]]) * UNITS[found[2]]
 
 
 def _number(value: Any, default: float) -> float:

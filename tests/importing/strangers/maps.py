@@ -15,16 +15,15 @@ from shapely.geometry import mapping
 from tests.importing.strangers.judge import Stranger
 from tests.importing.strangers.truth import building
 
-EARTH = 6371008.8
 HOME = (8.4037, 49.0069)
 
 
 def _degrees(shape):
     """Return longitude and latitude of a shape in metres east and north of a place."""
-    scale = 180 / math.pi / EARTH
-    return shapely.transform(
-        shape, lambda p: np.round(np.array(HOME) + p * [scale / math.cos(math.radians(HOME[1])), scale], 9)
-    )
+    latitude, square = math.radians(HOME[1]), 0.00669437999014  # of the ellipsoid of WGS 84
+    root = 1 - square * math.sin(latitude) ** 2
+    metres = np.radians([math.cos(latitude), (1 - square) / root]) * 6378137.0 / math.sqrt(root)
+    return shapely.transform(shape, lambda p: np.round(np.array(HOME) + p / metres, 9))
 
 
 def _doubled(shape, rng):
@@ -269,7 +268,9 @@ def imdf(seed, folder):
             add("unit", stair.footprint, about)
         for door in storey.doors:
             shape = _onto(door, [rooms[room.name] for room in storey.rooms])
-            kind = rng.choice(["pedestrian.principal", "pedestrian"]) if door.kind == "exit" else "pedestrian"
+            kind = "pedestrian"
+            if door.kind == "exit" and (first or rng.random() < 0.5):
+                kind += ".principal"
             door_type = {"type": rng.choice(["swinging", "sliding", "open"]), "automatic": False, "material": "wood"}
             about = {"category": kind, "accessibility": None, "access_control": None, "door": door_type}
             add("opening", shape, {**about, "level_id": level, "name": None, **ordinary})
