@@ -25,7 +25,7 @@ from evac.building.recover.indoormaps import (
     MapDoor,
     Steps,
     Storey,
-    at_outline,
+    at_wall,
     door_at,
     laid,
     pieces_of,
@@ -196,8 +196,8 @@ class GeojsonImporter(Importer):
         """Add one door of an indoor map, or say why it is none."""
         ends, place = door_at(door.shape, door.width, spaces), place_of(door.shape)
         leads = ends is not None and bool(leads_out(ends.reshape(1, 4), floor)[0])
-        if ends is not None and leads:
-            ends = at_outline(ends, floor)
+        if ends is not None:
+            ends = at_wall(ends, floor, leads_out=leads)
         sides = 0 if ends is None else int(door_sides(ends.reshape(1, 4), floor)[0])
         if sides < 2 and shapely.union_all(storey.shafts).dwithin(door.shape, BESIDE):
             plan.note("left out", f"{label!r}: a door to a lift, a shaft or a void", storey.name, place)

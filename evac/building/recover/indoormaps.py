@@ -17,7 +17,8 @@ from evac.building.geometry import lines_of
 from evac.building.model.findings import numbered
 from evac.building.surface.welding import weld_points
 
-#: Values that nobody walks on: categories of IMDF, of indoor and of room in OpenStreetMap. No door to a shaft is an exit.
+#: Values that nobody walks on: categories of IMDF, of indoor and of room in OpenStreetMap; those of shafts, whose doors
+#: are no exits, and all.
 SHAFTS = frozenset(("opentobelow", "elevator", "escalator", "shaft", "void"))
 CLOSED = SHAFTS | {"structure", "column", "vegetation", "wall", "parking"}
 #: Categories and values of ways that are open to each other without doors.
@@ -336,16 +337,23 @@ def door_at(place: BaseGeometry, width: float, spaces: Sequence[BaseGeometry]) -
     return np.stack([a + (at - half) * (b - a) / length, a + (at + half) * (b - a) / length])
 
 
-def at_outline(ends: FloatArray, floor: BaseGeometry) -> FloatArray:
-    """Return a door (2, 2) to the outside moved through its wall to the outline of the floor."""
+def at_wall(ends: FloatArray, floor: BaseGeometry, *, leads_out: bool) -> FloatArray:
+    """Return a door (2, 2) moved to the middle of its wall, or, if it leads out, through its wall to the outline."""
     step = ends[1] - ends[0]
     across = np.array([-step[1], step[0]]) / np.hypot(*step)
     middle = ends.mean(axis=0)
     rays = [shapely.LineString([middle, middle + NEAR * way]) for way in (across, -across)]
-    inside = [shapely.intersection(ray, floor).length for ray in rays]
-    out = across if inside[0] < inside[1] else -across
-    moved: FloatArray = ends + min(inside) * out
-    return moved
+    if leads_out:
+        inside = [shapely.intersection(ray, floor).length for ray in rays]
+        moved: FloatArray = ends + min(inside) * (across if inside[0] < inside[1] else -across)
+        return moved
+    gaps = shapely.get_parts(shapely.difference(shapely.union_all(rays), floor))
+    gaps = shapely.get_parts(shapely.line_merge(shapely.union_all(gaps)))
+    gaps = [gap for gap in gaps if gap.dwithin(shapely.Point(middle), BESIDE) and gap.length < NEAR]
+    if not gaps:
+        return ends
+    wall = min(gaps, key=shapely.Point(middle).distance)
+    return ends + shapely.get_coordinates(wall).mean(axis=0) - middle
 
 
 def _levels(own: Mapping[str, Any], names: Mapping[str, Any]) -> list[str]:

@@ -63,9 +63,9 @@ def judge(stranger: Stranger, folder: Path) -> tuple[str, list[str]]:
         return (REFUSED if any(re.search(one, text) for one in stranger.reasons) else UNTRUE), [text]
     wrong = differences(stranger, made.building)
     if made.fault:
-        if any(re.search(one, made.fault) for one in stranger.reasons):
-            return REFUSED, [made.fault]
-        return (TOLD if wrong else UNTRUE), [made.fault, *wrong]
+        if any(re.search(one, text) for one in stranger.reasons for text in (made.fault, *made.missing)):
+            return REFUSED, [made.fault, *made.missing]
+        return (TOLD if wrong else UNTRUE), [made.fault, *made.missing, *wrong]
     return (SILENT if wrong else RIGHT), wrong
 
 
