@@ -16,7 +16,7 @@ from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding
 from evac.building.model.links import isolated_parts, levels_reaching
 from evac.building.model.storeys import storeys
-from evac.people.starts import divided
+from evac.people.starts import divided, left_out
 
 #: Least width of an opening [m].
 LEAST_WIDTH = 0.5
@@ -30,6 +30,8 @@ LOOKS = (0.1, 0.3, 0.5, 0.7, 0.9)
 FULL = 3.0
 #: Share of the walkable ground that may have no way out, such as a closet without a door.
 NEGLIGIBLE = 0.02
+#: Least share of the ground of a room that is not an enclosure of stairs, in which nobody starts.
+OUTSIDE = 0.3
 #: Number of levels that are named.
 MOST_NAMED = 10
 
@@ -129,13 +131,19 @@ def find_rooms(building: Building) -> list[Room]:
 def fill(
     building: Building, rooms: list[Room], people: int | None, density: float, stated: Mapping[str, float]
 ) -> tuple[list[Room], list[Finding]]:
-    """Return the rooms with their numbers of people, 0 where no exit can be reached, and what was assumed.
+    """Return rooms with their numbers of people, 0 without a way to an exit or in stairwells, and what was assumed.
 
     `people`: total number, divided among the rooms by area; `density` [1/m2]: used if `people` is not given, where the
     plan does not state the number of an area, as in `stated`.
     """
     open_levels = levels_reaching(building, building.exits) if building.exits else set(range(len(building.levels)))
-    used = [room for room in rooms if room.level in open_levels]
+    enclosures = {index: left_out(building, building.levels[index]).enclosures for index in open_levels}
+    outside = {area.name: area.polygon.difference(enclosures.get(area.level)).area for area in building.areas}
+    used = [
+        room
+        for room in rooms
+        if room.level in open_levels and outside.get(room.name, room.ground) > OUTSIDE * room.ground
+    ]
     closed = [replace(room, number=0) for room in rooms if room not in used]
     if people is None:
         held = {(room.key, room.name): max(density * room.ground, 1.0) for room in used}

@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.defaults import LEAST_LENGTH
 from evac.base.errors import BuildingError
-from evac.building.geometry import union
+from evac.building.geometry import flat_parts, union
 from evac.building.model.building import Area, Building, Level
 from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding, numbered, refusal
@@ -156,7 +156,7 @@ def _standing_obstacles(building: Building, surface: Surface) -> list[tuple[str,
         outline = union(cells[shapely.area(cells) > LEAST_LENGTH**2]).simplify(COLLINEAR)
         z = float(corners[:, :, 2].min())
         for level in building.levels:
-            on = outline.intersection(level.polygon)
+            on = flat_parts(outline.intersection(level.polygon))
             if on.area <= LEAST_LENGTH**2:
                 continue
             height = level_elevation(building.vertices, level, shapely.get_coordinates(on.centroid))[0]

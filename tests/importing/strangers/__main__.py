@@ -5,6 +5,7 @@ python -m tests.importing.strangers --number 5 --formats osm,imdf
 
 import argparse
 import re
+import shutil
 import tempfile
 import traceback
 import warnings
@@ -31,6 +32,7 @@ def main():
         for name in options.formats.split(","):
             table[name] = Counter()
             for seed in range(options.first, options.first + options.number):
+                shutil.rmtree(folder / f"{name}_{seed}", ignore_errors=True)
                 try:
                     stranger = FORMATS[name](seed, folder)
                     verdict, texts = judge(stranger, folder / f"{name}_{seed}")

@@ -90,4 +90,4 @@ def dxf(seed, folder):
     draw(frame.exterior, "TITLE", True)
     path = folder / f"drawing_{seed}.dxf"
     document.saveas(path)
-    return Stranger(truth, [path], heights=False, aligned=False, options={"height": truth.height})
+    return Stranger(truth, [path], heights=False, options={"height": truth.height})

@@ -11,7 +11,6 @@ import networkx
 import numpy as np
 import shapely
 from shapely import LineString
-from shapely.affinity import translate
 
 from evac import EvacError, import_building
 from tests.importing.strangers.truth import Truth
@@ -35,7 +34,6 @@ class Stranger:
     loose: list[Any] = field(default_factory=list)
     heights: bool = True
     exits: bool = True
-    aligned: bool = True
     doors: bool = True
     options: dict[str, Any] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
@@ -79,7 +77,7 @@ def _chosen(stranger, made):
                 one.number
                 for one in made.openings
                 if abs(one.z - local.z[k]) < 0.3
-                and _is_at(local(LineString(np.asarray(one.segment).reshape(-1, 2)), k), door)
+                and _is_at(local(LineString(np.asarray(one.segment).reshape(-1, 2))), door)
             ]
             if not near:
                 return f"no opening is offered at {door.name} among {len(made.openings)}"
@@ -107,33 +105,13 @@ class _frame:  # noqa: N801
         else:
             large = sorted(level.z_min for level in self.levels if level.polygon.area > 20 and level.kind == "floor")
             self.z = [z for i, z in enumerate(large) if i == 0 or z - large[i - 1] > 0.5]
-        self.shift = [(0.0, 0.0)] * len(self.truth.storeys)
-        if not stranger.aligned:
-            pairs = [(self.floor(k), storey.floor) for k, storey in enumerate(self.truth.storeys) if k < len(self.z)]
-            made, true = (_middle(shapely.union_all([pair[i] for pair in pairs])) for i in (0, 1))
-            dx, dy = true - made
-            self.shift = [(dx, dy)] * len(self.truth.storeys)
 
-    def __call__(self, shape, k):
-        return translate(self.truth.local(shape), *self.shift[k])
+    def __call__(self, shape):
+        return self.truth.local(shape)
 
     def floor(self, k):
         """All that is level at the height of a storey."""
-        return self(shapely.union_all([one.polygon for one in self.levels if abs(one.z_min - self.z[k]) < 0.15]), k)
-
-
-def _middle(floor):
-    """Return the middle of a floor between its outer edges, by the median of many lines, few of which meet exits."""
-    x1, y1, x2, y2 = floor.bounds
-    shares = np.linspace(0.03, 0.97, 95)
-    rows = [floor & LineString([(x1 - 1, y), (x2 + 1, y)]) for y in y1 + shares * (y2 - y1)]
-    columns = [floor & LineString([(x, y1 - 1), (x, y2 + 1)]) for x in x1 + shares * (x2 - x1)]
-    return np.array(
-        [
-            np.nanmedian([(one.bounds[i] + one.bounds[i + 2]) / 2 for one in lines])
-            for i, lines in enumerate((rows, columns))
-        ]
-    )
+        return self(shapely.union_all([one.polygon for one in self.levels if abs(one.z_min - self.z[k]) < 0.15]))
 
 
 def _is_at(segment, door):
@@ -196,7 +174,7 @@ def _exits(building, storey, k, local):
     for one in building.exits:
         if abs(building.levels[one.level].z_min - local.z[k]) > 0.3:
             continue
-        segments = [local(LineString(segment.reshape(-1, 2)), k) for segment in one.segments]
+        segments = [local(LineString(segment.reshape(-1, 2))) for segment in one.segments]
         ends = shapely.union_all(segments).envelope
         middle, (dx, dy) = ends.centroid, np.ptp(np.reshape(ends.bounds, (2, 2)), axis=0)
         whole = LineString([(middle.x - dx / 2, middle.y - dy / 2), (middle.x + dx / 2, middle.y + dy / 2)])
@@ -222,7 +200,7 @@ def _stairs(truth, building, local):
     made = []
     for parts in networkx.connected_components(graph):
         ends = sorted({storey[a] for p in building.portals for a in p.levels if a in storey and set(p.levels) & parts})
-        place = local(shapely.union_all([building.levels[i].polygon for i in parts]), ends[0] if ends else 0)
+        place = local(shapely.union_all([building.levels[i].polygon for i in parts]))
         if len(ends) > 1 or any(np.any(building.levels[i].uphill) for i in parts):
             made.append((ends, place.centroid))
     found = []
@@ -247,7 +225,7 @@ def _reached(truth, building, local, stranger):
         ground = shapely.union_all(
             [level.polygon for level in reached if not np.any(level.uphill) and abs(level.z_min - local.z[k]) < 0.15]
         )
-        ground = local(ground, k)
+        ground = local(ground)
         steps = shapely.union_all([one.footprint for one in truth.stairs_at(k)])
         loose = shapely.union_all([*stranger.loose[k : k + 1]])
         for room in (one for one in storey.rooms if one.use != "lift"):
@@ -260,7 +238,7 @@ def _reached(truth, building, local, stranger):
             found.append(f"{storey.name}: {excess:.1f} m2 of ground where nobody can be")
     known = shapely.union_all([*(one.footprint for one in truth.stairs), *stranger.loose])
     for level in reached:
-        place = local(level.polygon, 0)
+        place = local(level.polygon)
         if all(abs(level.z_min - z) > 0.15 for z in local.z) and (extra := (place - known.buffer(1)).area) > 1:
             found.append(f"{level.name}: {extra:.1f} m2 where nobody can be")
     return found

@@ -23,7 +23,14 @@ def _degrees(shape):
     latitude, square = math.radians(HOME[1]), 0.00669437999014  # of the ellipsoid of WGS 84
     root = 1 - square * math.sin(latitude) ** 2
     metres = np.radians([math.cos(latitude), (1 - square) / root]) * 6378137.0 / math.sqrt(root)
-    return shapely.transform(shape, lambda p: np.round(np.array(HOME) + p / metres, 9))
+    return shapely.transform(shape, lambda p: np.round(np.array(HOME) + p / metres, 10))
+
+
+def _from_origin(truth, lowest):
+    """Move a truth to the origin that readers choose for degrees: the least longitude and latitude of the file."""
+    scale = _degrees(Point(0, 0)).coords[0], _degrees(Point(1, 1)).coords[0]
+    moved = [(low - zero) / (one - zero) for low, zero, one in zip(lowest, *scale, strict=True)]
+    truth.moved = tuple(own - by for own, by in zip(truth.moved, moved, strict=True))
 
 
 def _doubled(shape, rng):
@@ -168,10 +175,11 @@ def osm_geojson(seed, folder):
         flat = {"@id": f"{kind}/{number}", **tags}
         properties = {"type": kind, "id": number, "tags": tags, "relations": [], "meta": meta} if nested else flat
         features.append(_feature(shape, properties, id=f"{kind}/{number}"))
+    _from_origin(truth, shapely.total_bounds([shapely.geometry.shape(f["geometry"]) for f in features])[:2])
     top = {"type": "FeatureCollection", "generator": "overpass-ide", "copyright": "ODbL", "features": features}
     path = folder / f"osm_{seed}.geojson"
     path.write_text(json.dumps(top, ensure_ascii=False), encoding="utf-8")
-    return Stranger(truth, [path], loose, heights=False, aligned=False)
+    return Stranger(truth, [path], loose, heights=False)
 
 
 def osm(seed, folder):
@@ -216,9 +224,10 @@ def osm(seed, folder):
     for number, refs, tags in ways:
         lines += tagged(f"way id='{number}' version='3'", tags, [f"    <nd ref='{ref}'/>" for ref in refs])
     lines += ["  <relation id='9'>", "    <member type='way' ref='1' role='outer'/>", "    <tag k='type' v='site'/>"]
+    _from_origin(truth, (min(lons), min(lats)))
     path = folder / f"indoor_{seed}.osm"
     path.write_text("\n".join([*lines, "  </relation>", "</osm>", ""]), encoding="utf-8")
-    return Stranger(truth, [path], loose, heights=False, aligned=False)
+    return Stranger(truth, [path], loose, heights=False)
 
 
 def imdf(seed, folder):
@@ -279,6 +288,8 @@ def imdf(seed, folder):
         add("fixture", box(x, y, x + 0.5, y + 0.5), about)
         about = {"category": "seating", "unit_ids": [], "name": None, "correlation_id": None}
         add("amenity", Point(x, y), about)
+    shapes = [shapely.geometry.shape(f["geometry"]) for found in files.values() for f in found if f["geometry"]]
+    _from_origin(truth, shapely.total_bounds(shapes)[:2])
     path = folder / f"imdf_{seed}.zip"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("manifest.json", json.dumps({"version": "1.0.0", "created": "2020-01-01", "language": "en"}))
@@ -286,4 +297,4 @@ def imdf(seed, folder):
         for name, features in files.items():
             top = {"type": "FeatureCollection", "name": name, "features": features}
             archive.writestr(f"{name}.geojson", json.dumps(top))
-    return Stranger(truth, [path], loose, heights=False, aligned=False)
+    return Stranger(truth, [path], loose, heights=False)
