@@ -343,17 +343,18 @@ def at_wall(ends: FloatArray, floor: BaseGeometry, *, leads_out: bool) -> FloatA
     across = np.array([-step[1], step[0]]) / np.hypot(*step)
     middle = ends.mean(axis=0)
     rays = [shapely.LineString([middle, middle + NEAR * way]) for way in (across, -across)]
+    moved: FloatArray = ends
     if leads_out:
         inside = [shapely.intersection(ray, floor).length for ray in rays]
-        moved: FloatArray = ends + min(inside) * (across if inside[0] < inside[1] else -across)
+        moved = ends + min(inside) * (across if inside[0] < inside[1] else -across)
         return moved
     gaps = shapely.get_parts(shapely.difference(shapely.union_all(rays), floor))
     gaps = shapely.get_parts(shapely.line_merge(shapely.union_all(gaps)))
     gaps = [gap for gap in gaps if gap.dwithin(shapely.Point(middle), BESIDE) and gap.length < NEAR]
-    if not gaps:
-        return ends
-    wall = min(gaps, key=shapely.Point(middle).distance)
-    return ends + shapely.get_coordinates(wall).mean(axis=0) - middle
+    if gaps:
+        wall = min(gaps, key=shapely.Point(middle).distance)
+        moved = ends + shapely.get_coordinates(wall).mean(axis=0) - middle
+    return moved
 
 
 def _levels(own: Mapping[str, Any], names: Mapping[str, Any]) -> list[str]:
