@@ -44,7 +44,7 @@ class DesignFlow:
     kind: str  # ``"exit"``, ``"door"`` or ``"stair"``
     name: str
     width: float  # clear width [m]
-    people: int  # people who passed in the direction of most of them
+    people: int  # people who passed in the direction of most of them, each counted once
     flow: float | None  # flow of the run between the first and the last fifth of them [1/s]
     effective_width: float  # clear width without the boundary layers [m]
     hydraulic_flow: float  # greatest flow of the SFPE Handbook: 0 if nothing is left of the width [1/s]
@@ -84,11 +84,15 @@ def stair_k(rise_over_run: float) -> float:
 def _of_line(building: Building, line: LineFlow, exit_time: FloatArray) -> Iterator[DesignFlow]:
     """Yield the design flow of an exit, a door or an end of a stair that somebody passed, in its main direction."""
     stairs = [building.levels[index] for index in line.levels if building.levels[index].stair]
-    if line.kind == "line" or not line.people or (line.kind == "portal" and not stairs):
+    is_end = len({level.title for level in stairs}) == 1 and len(stairs) < len(line.levels)
+    if line.kind == "line" or not line.people or (line.kind == "portal" and not is_end):
         return
     slope = max((math.tan(level.slope) for level in stairs), default=0.0) if line.kind == "portal" else 0.0
     kind, name = ("stair", str(stairs[0].stair)) if line.kind == "portal" else (line.kind, line.name)
     passed = line.forward if 2 * line.forward.sum() >= line.people else ~line.forward
+    passed = np.isin(
+        np.arange(line.people), np.flatnonzero(passed)[np.unique(line.person[passed], return_index=True)[1]]
+    )
     time, person = line.time[passed], line.person[passed]
     effective = max(0.0, line.width - 2.0 * LAYER)
     hydraulic = stair_k(slope) * FLOW_OVER_K * effective

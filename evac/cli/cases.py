@@ -2,7 +2,6 @@
 
 import argparse
 import math
-import shutil
 import tomllib
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 from evac.base.errors import ScenarioError, counted
 from evac.cli.inputs import declare_plugin, declare_set, values_of
 from evac.cli.screen import show_facts, show_table
+from evac.contract.hooks import BASES
 
 if TYPE_CHECKING:
     from evac.importing import Imported
@@ -44,10 +44,18 @@ def title_of(folder: Path) -> str:
 def declare_new(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac new`."""
     parser.add_argument("folder", metavar="FOLDER", type=Path, help="new folder for case.toml and its plan")
+    _declare_basis(parser)
+
+
+def _declare_basis(parser: argparse.ArgumentParser) -> None:
+    what = "; ".join(f"{name}: {meaning}" for name, meaning in BASES.items())
+    parser.add_argument("--basis", choices=BASES, default="measured", help=f"{what} (default: measured)")
 
 
 def execute_new(arguments: argparse.Namespace) -> int:
     """Write an example case with comments, a building of two storeys that can be run and changed."""
+    from evac.importing.documents import with_basis
+
     folder: Path = arguments.folder
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ScenarioError(f"{folder}: exists and is not empty; choose a new folder")
@@ -55,7 +63,8 @@ def execute_new(arguments: argparse.Namespace) -> int:
         folder.mkdir(parents=True, exist_ok=True)
         with as_file(files("evac.cli") / "example") as example:
             for path in example.iterdir():
-                shutil.copyfile(path, folder / path.name)
+                text = with_basis(path.read_text(encoding="utf-8"), arguments.basis)
+                (folder / path.name).write_text(text, encoding="utf-8")
     except OSError as error:
         raise ScenarioError(f"{folder}: cannot be written: {error.strerror}; choose another folder") from error
     print(f"{folder / 'case.toml'} and house.plan.toml written; next: evac run {folder}")
@@ -79,6 +88,7 @@ def declare_import(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--spacing", type=float, metavar="S", help=what)
     what = "write a case even if parts of the building are missing; each of its runs has a quality warning"
     parser.add_argument("--partial", action="store_true", help=what)
+    _declare_basis(parser)
     declare_plugin(parser)
 
 
@@ -117,6 +127,7 @@ def execute_import(arguments: argparse.Namespace) -> int:
             options=options,
             spacing=arguments.spacing,
             partial=arguments.partial,
+            basis=arguments.basis,
             registry=Registry(arguments.plugins),
         )
     _show(made)

@@ -19,6 +19,12 @@ INTERFACE = 3
 #: The behaviour with which people keep distances in the cases that evac writes, and which the output of a run names.
 DEFAULT_MOVEMENT = "walking"
 
+#: What its key ``preset`` means: the basis of how people walk.
+BASES = {
+    "measured": "people walk as in experiments, with the flows measured there",
+    "regulation": "people walk without anticipation, with the flows through doors that standard tests prescribe",
+}
+
 #: The source of conditions for which `evac conditions deck` prints lines.
 DEFAULT_FIRE = "fds"
 

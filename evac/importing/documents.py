@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from evac.base.toml import toml_lines, toml_value
 from evac.building.model.findings import KINDS, grouped, repaired
+from evac.contract.hooks import BASES, DEFAULT_MOVEMENT
 
 if TYPE_CHECKING:
     from evac.importing.importing import Imported
@@ -46,8 +47,18 @@ WALLS = "Where the file names no openings, these are pieces of the outer edges, 
 TITLES = {kind: kind.capitalize() for kind in KINDS} | {"found": "Found in the file", "warning": "Warnings"}
 
 
+def with_basis(text: str, basis: str) -> str:
+    """Return the text of a case with the basis of how people walk, and its meaning."""
+    table = f"[behaviours.{DEFAULT_MOVEMENT}]\n"
+    return text.replace(table, f"{table}preset = {toml_value(basis)}  # {BASES[basis]}\n")
+
+
 def case_text(
-    made: "Imported", exits: list[dict[str, Any]], building: dict[str, Any], spacing: float | None = None
+    made: "Imported",
+    exits: list[dict[str, Any]],
+    building: dict[str, Any],
+    spacing: float | None = None,
+    basis: str = "measured",
 ) -> str:
     """Return the text of case.toml, with the keys of ``[building]`` and the exits made from openings."""
     names = _one_line(", ".join(file.name for file in made.files))
@@ -75,7 +86,7 @@ def case_text(
         lines += ["", *(f"{comment}{line}" for line in [*group, f"number = {max(room.number, 1)}{ground}"])]
     if spacing is not None:
         lines += ["", "[directions]", *toml_lines({"spacing": spacing})]
-    return "\n".join(lines) + "\n" + REST
+    return "\n".join(lines) + "\n" + with_basis(REST, basis)
 
 
 def _one_line(text: str) -> str:

@@ -23,6 +23,7 @@ from evac.building.surface.foreign import turned
 from evac.building.surface.meshfile import tagged_surface, write_surface
 from evac.building.surface.resolution import likely_unit
 from evac.building.surface.surfacemesh import SurfaceMesh, checked
+from evac.contract.hooks import BASES
 from evac.contract.registry import Registry
 from evac.folder.digests import digest_of_file
 from evac.folder.files import RUNNING, mark, read_manifest
@@ -75,6 +76,7 @@ def import_building(
     options: Mapping[str, Any] | None = None,
     spacing: float | None = None,
     partial: bool = False,
+    basis: str = "measured",
     registry: Registry | None = None,
 ) -> Imported:
     """Create a case from building files: one file, or one for each storey, from the lowest up.
@@ -102,6 +104,8 @@ def import_building(
         Spacing of the grids of directions [m], for buildings whose grids would not fit into memory at the default.
     partial : bool
         Whether a case is written for a building that lacks something; every run of it has a quality warning.
+    basis : "measured" or "regulation"
+        How people walk: as in experiments, or with the flows that standard tests prescribe.
     registry : Registry, optional
         Registry whose importers read the files; by default the built-in and the installed ones.
 
@@ -118,6 +122,8 @@ def import_building(
     """
     if density is not None and not 0.0 <= density <= MOST_DENSITY:
         raise ScenarioError(f"density: must be between 0 and {MOST_DENSITY:g} people per square metre, not {density!r}")
+    if basis not in BASES:
+        raise ScenarioError(f"basis: must be one of {', '.join(BASES)}, not {basis!r}")
     registry = registry or Registry()
     paths, place = tuple(Path(file) for file in files), Path(folder)
     changed = _changed_files(place)
@@ -169,7 +175,7 @@ def import_building(
         else:
             # Names of files need not be UTF-8.
             keys = {"mesh": building.name} | building.kept | ({"missing": list(missing)} if missing else {})
-            text = case_text(made, [] if building.name == PLAN else ways, keys, spacing)
+            text = case_text(made, [] if building.name == PLAN else ways, keys, spacing, basis)
             (draft / CASE).write_text(text, encoding="utf-8", errors="replace")
         if not made.is_accepted:
             made = replace(made, fault="the building is incomplete")

@@ -9,6 +9,7 @@ from typing import Any
 
 from evac.base.errors import ResultError, counted
 from evac.base.toml import case_text
+from evac.contract.hooks import BASES, DEFAULT_MOVEMENT
 from evac.folder.files import (
     CROSSINGS_NAME,
     EGRESS_NAME,
@@ -28,6 +29,7 @@ from evac.report.sections import (
     congestion_sections,
     design_section,
     fire_section,
+    hydraulic_answer,
     levels_section,
     margins_section,
     model_section,
@@ -85,6 +87,8 @@ def main_results(run: Results) -> dict[str, object]:
         "Evacuation": answer.times or "nobody is out",
         "Exits": "; ".join(answer.exits),
         "Queues": answer.queue or "not recorded",
+        "Second opinion": hydraulic_answer(run),
+        "Walking": f"{answer.movement}{_basis(run)}",
         "People": str(run.number_of_people),
         **{f"At {place}": str(len(place.people)) for place in run.places},
         **{f"Note {number}": note for number, note in enumerate(run.notes, 1)},
@@ -93,6 +97,12 @@ def main_results(run: Results) -> dict[str, object]:
         "Quality warnings": str(len(run.quality_warnings)),
         "Warnings about building and people": str(len(run.warnings)),
     }
+
+
+def _basis(run: Results) -> str:
+    """Return which basis the way of walking has, and what that means; empty without it."""
+    basis = str((run.case_table.behaviours.get(DEFAULT_MOVEMENT) or {}).get("preset"))
+    return f"; preset {basis!r}: {BASES[basis]}" if basis in BASES else ""
 
 
 def banner(run: Results) -> str:

@@ -18,7 +18,7 @@ from evac.analysis.maps import KERNEL_RADIUS, level_maps
 from evac.analysis.occupancy import Occupancy
 from evac.base.arrays import FloatArray
 from evac.base.distributions import as_text
-from evac.base.errors import in_order
+from evac.base.errors import counted, in_order
 from evac.base.toml import case_text
 from evac.building.model.building import Building
 from evac.building.model.links import states_of
@@ -531,19 +531,26 @@ def design_section(run: Results) -> Section:
     if run.building_or_none is None:
         return section("design", f"{APPENDIX}hydraulic calculation", "design_missing", is_missing=True)
     flows = design_flows(run.building, run.flows, run.crowd.exit_time)
-    decisive = hydraulic_time(flows)
     shown = sorted(flows, key=lambda flow: -flow.hydraulic_time)[:MOST_ROWS]
-    rows, answer = [_design_row(flow) for flow in shown], _hydraulic_answer(run, decisive)
+    rows, answer = [_design_row(flow) for flow in shown], hydraulic_answer(run)
     return section("design", f"{APPENDIX}hydraulic calculation", rows=rows, answer=answer, laboratory=LABORATORY)
 
 
-def _hydraulic_answer(run: Results, decisive: DesignFlow | None) -> str:
+def hydraulic_answer(run: Results) -> str:
+    """Return the hydraulic evacuation time beside that of the run."""
+    if run.building_or_none is None:
+        return "not computed, since no trajectory was recorded"
+    decisive = hydraulic_time(design_flows(run.building, run.flows, run.crowd.exit_time))
     if decisive is None:
-        return "Nobody passed an exit, a door or a stair."
-    own = "not everybody left" if run.last_out is None or not run.is_complete else f"{run.last_out:.1f} s"
+        return "nobody passed an exit, a door or a stair"
+    time, own = decisive.hydraulic_time, "in the run, not everybody left"
+    if run.last_out is not None and run.is_complete:
+        change = round(100.0 * (run.last_out / time - 1.0))
+        own = f"that of the run is {run.last_out:.1f} s, {abs(change)} % {'less' if change < 0 else 'more'}"
     return (
-        f"The hydraulic evacuation time of the building is {decisive.hydraulic_time:.1f} s, determined by "
-        f"{decisive.kind} {decisive.name!r}; that of the run is {own}."
+        f"the hydraulic evacuation time is {time:.1f} s, determined by the "
+        f"{counted(decisive.people, 'person', 'people')}, each counted once, who pass {decisive.kind} "
+        f"{decisive.name!r}; {own}"
     )
 
 

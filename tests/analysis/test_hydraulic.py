@@ -1,6 +1,7 @@
 """The hydraulic calculation, with numbers worked by hand from the handbook's formulas."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -43,6 +44,15 @@ def test_a_door_and_a_stair_have_their_flow_their_people_and_their_time(building
     assert stair.hydraulic_time == pytest.approx(10.0 + 40 / (0.9398 * 1.7) + 5.0, rel=1e-4)
     assert door.hydraulic_time == pytest.approx(15.0 + 40 / (1.3158 * 0.7), rel=1e-4)
     assert hydraulic_time(found.values()).name == "door"
+
+
+def test_who_passes_again_is_counted_once_and_portals_within_a_stair_are_none(building):
+    again = passages("exit", "door", (0,), 1.0, 10.0 + 0.5 * np.arange(60))
+    again = replace(again, person=again.person % 40)
+    (door,) = design_flows(building, [again], np.full(40, 50.0))
+    assert (door.people, door.hydraulic_time) == (40, pytest.approx(10.0 + 40 / (1.3158 * 0.7) + 20.5, rel=1e-4))
+    inner = replace(building, levels=tuple(replace(level, stair="one") for level in building.levels))
+    assert design_flows(inner, [passages("portal", "portal 0", (0, 1), 2.0, [1.0])], np.array([2.0])) == []
 
 
 def test_nothing_passes_what_is_as_narrow_as_its_boundary_layers(building):

@@ -8,6 +8,7 @@ import pytest
 import shapely
 
 from evac import Plan
+from evac.contract.hooks import BASES
 
 ROOM = "POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))"
 
@@ -88,6 +89,16 @@ def test_a_new_case_runs_at_once_and_is_not_overwritten(evac, capsys, tmp_path):
     capsys.readouterr()
     assert evac("new", "mine") == 2
     assert "mine" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("words", "preset"), [((), "measured"), (("--basis", "regulation"), "regulation")])
+def test_new_cases_say_which_basis_walking_has(evac, room, tmp_path, words, preset):
+    assert evac("new", "mine", *words) == 0
+    assert evac("import", room, "--exit", "1", "--out", "read", *words) == 0
+    for folder in ("mine", "read"):
+        text = (tmp_path / folder / "case.toml").read_text(encoding="utf-8")
+        assert tomllib.loads(text)["behaviours"]["walking"] == {"preset": preset}
+        assert f'preset = "{preset}"  # {BASES[preset]}' in text
 
 
 @pytest.mark.parametrize("ending", [".png", ".svg", ".pdf"])
