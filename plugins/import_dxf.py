@@ -15,7 +15,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.base.errors import BuildingError, text_of
+from evac.base.errors import BuildingError, counted, text_of
 from evac.base.parameters import Parameter
 from evac.building.geometry import lines_of, place_of, segment_lengths
 from evac.building.importer import Importer, optional_library
@@ -55,6 +55,7 @@ LEAST_PANE = 0.5
 MOST_ALONE = 20
 #: Why entities are left out.
 NAMED, HIDDEN = "since it or their block is named so", "since it is off or frozen"
+UNNAMED = "since other layers have the floor"
 #: Areas of rooms that are believed [m2], and units that are tried where doors are too wide or too narrow, or where
 #: lines enclose no room [m].
 ROOMS = 4.0, 2000.0
@@ -122,23 +123,24 @@ class DxfImporter(Importer):
             shapes = [*self._shapes(document, left_out)]
         except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # damaged entities
             raise ValueError(f"an entity cannot be read: {text_of(error)}") from error
-        for (layer, why), number in sorted(left_out.items()):
-            kind = "left out" if use_of(layer) == "walls" and why not in (NAMED, HIDDEN) else "found"
-            plan.note(kind, f"layer {layer!r}: {number} entities are left out, {why}")
         has_floor = any(shape.use == "floor" for shape in shapes)
         if has_floor:
+            left_out.update((one.layer, UNNAMED) for one in shapes if not self._given_use(one.layer))
             shapes = [shape for shape in shapes if self._given_use(shape.layer)]
+        for (layer, why), number in sorted(left_out.items()):
+            text = f"layer {layer!r}: {counted(number, 'entity', 'entities')} left out, {why}"
+            plan.note("left out", text, element=f"layer {layer!r}", number=number)
         if not shapes:
             raise BuildingError(f"{path}: {_no_floor(document)}")
         unit = self._metres(plan, document, shapes)
         try:
-            return self._planned(plan, document, shapes, unit, has_floor)
+            return self._planned(plan, document, shapes, unit, has_floor, left_out)
         except NothingEnclosedError:
             for other in DOUBTED if not self.unit else ():
                 again = Plan(path)
                 again.findings = [one for one in plan.findings if not one.text.startswith("1 unit is")]
                 with suppress(ValueError, BuildingError):
-                    found = self._planned(again, document, shapes, other, has_floor)
+                    found = self._planned(again, document, shapes, other, has_floor, left_out)
                     areas = shapely.area([room for storey in found.storeys.values() for room in storey.polygons])
                     if other != unit and ROOMS[0] <= (area := float(np.median(areas))) <= ROOMS[1]:
                         text = f"1 unit is {other:.4g} m: with {unit:.4g} m, the lines enclose no room, and now half"
@@ -146,20 +148,37 @@ class DxfImporter(Importer):
                         return found
             raise
 
-    def _planned(self, plan: Plan, document: Any, shapes: "list[Shape]", unit: float, has_floor: bool) -> Plan:
+    def _planned(
+        self,
+        plan: Plan,
+        document: Any,
+        shapes: "list[Shape]",
+        unit: float,
+        has_floor: bool,
+        left_out: Counter[tuple[str, str]],
+    ) -> Plan:
         """Return the plan with the storeys of the paths, of a unit [m]."""
         path = plan.source
         drawn = [line for shape in shapes for line in _drawn(shape, unit, self.deviation, CLOSED)]
+        if not has_floor and not any(one.use == "walls" for one in drawn):
+            drawn = _with_walls(plan, drawn)
+        without = Counter[str]()
+        for (layer, _), number in left_out.items():
+            without[layer] += number
+        for (layer, use), number in sorted(Counter((one.layer, one.use) for one in drawn).items()):
+            element, text = (
+                f"layer {layer!r}",
+                f"layer {layer!r}: {counted(number, 'line')} taken as {use or 'nothing'}",
+            )
+            plan.note("found", text, element=element, number=number + without.pop(layer, 0))
+            if not use:
+                plan.note("left out", f"{text}, since its name is not known", element=element, number=number)
         if has_floor:
             self._add_floor(plan, drawn)
             self._add_items(plan, drawn, self.storey)
             return plan
         if not any(one.use == "walls" for one in drawn):
-            drawn = _with_walls(plan, drawn)
-        if not any(one.use == "walls" for one in drawn):
             raise BuildingError(f"{path}: {_no_floor(document)}")
-        for (layer, use), number in sorted(Counter((one.layer, one.use or "nothing") for one in drawn).items()):
-            plan.note("found", f"layer {layer!r}: {number} lines are taken as {use}")
         self._add_plans(plan, drawn)
         return plan
 
@@ -267,7 +286,10 @@ class DxfImporter(Importer):
             for ground in stray if len(stray) < len(grounds) else ():
                 x1, y1, x2, y2 = ground.bounds
                 size = f"{x2 - x1 - APART:.1f} x {y2 - y1 - APART:.1f} m"
-                plan.note("left out", f"lines on {size} apart from the others enclose no room", place=place_of(ground))
+                text, lost = f"lines on {size} apart from the others enclose no room", place_of(ground)
+                layers = Counter(f"layer {one.layer!r}" for one in drawn if one.line.intersects(ground))
+                for layer, number in layers.items():
+                    plan.note("left out", text, place=lost, element=layer, number=number)
                 grounds.remove(ground)
         numbers = [*range(1, len(grounds) + 1)]
         if self.plan:
@@ -374,7 +396,9 @@ class DxfImporter(Importer):
                 elif word == "exit" and len(corners) == 2 and item.line.length > CLOSED:
                     plan.exit(name, storey, corners)
                 else:
-                    plan.note("left out", f"{word} {number}: the outline is not closed", storey, place)
+                    kind, element = "left out" if word == "obstacle" else "missing", f"layer {item.layer!r}"
+                    text = f"{word} {number}: the outline is not closed; close it in the drawing"
+                    plan.note(kind, text, storey, place, element=element)
                     continue
                 plan.note("found", f"{name!r} on layer {item.layer!r}", storey, place)
 

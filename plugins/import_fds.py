@@ -1,6 +1,7 @@
 """Importer of FDS decks: the floor of each storey from meshes, obstructions and holes, and exits of FDS+Evac."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -55,12 +56,15 @@ class FdsImporter(Importer):
             plan.note("found", f"{len(unseen)} lines with EVACUATION=.FALSE., which people do not meet; {first}")
         seen = [one for one in lines if one not in unseen and one.box is not None]
         of = {group: [line for line in seen if line.group == group] for group in GROUPS}
+        for group, number in sorted(Counter(one.group for one in lines if one.group in (*GROUPS, *LEFT_OUT)).items()):
+            plan.note("found", f"{number} &{group}", element=f"&{group}", number=number)
         if not of["MESH"]:
             raise ValueError("the deck has no &MESH with XB that people can walk in")
         for one in lines:
             if one.group in LEFT_OUT or "MULT_ID" in one.text:
                 why = "its &MULT is missing" if "MULT_ID" in one.text else "draw it in building.plan.toml"
-                plan.note("left out", f"&{one.group} {one.name} (line {one.number}) is not read; {why}")
+                text = f"&{one.group} {one.name} (line {one.number}) is not read; {why}"
+                plan.note("left out", text, element=f"&{one.group}")
             elif (
                 one.group == "VENT"
                 and one.box is None
@@ -75,7 +79,7 @@ class FdsImporter(Importer):
             text = (
                 f"&EXIT {one.name} (line {one.number}) only counts people (COUNT_ONLY): to count them, write a [[line]]"
             )
-            plan.note("left out", f"{text} with{ends} into case.toml")
+            plan.note("left out", f"{text} with{ends} into case.toml", element="&EXIT")
         floors = _floors(of["MESH"], of["OBST"], of["HOLE"])
         storeys = [(z, floor) for z, floor in floors if floor.area >= self.least]
         if not storeys:
@@ -84,7 +88,7 @@ class FdsImporter(Importer):
         for one in (*of["EXIT"], *of["EVAC"]):
             if one.storey_of(heights) is None:
                 text = f"&{one.group} {one.name} (line {one.number}) at z = {one.middle:.2f} m is on no storey"
-                plan.note("missing", text)
+                plan.note("missing", text, element=f"&{one.group}")
         for number, (z, floor) in enumerate(storeys, start=1):
             own = {group: [one for one in found if one.storey_of(heights) == number - 1] for group, found in of.items()}
             self._add_storey(plan, f"floor {number}", z, floor, own)
@@ -106,7 +110,8 @@ class FdsImporter(Importer):
         ground = shapely.union_all(inside)
         for one, outside in outer:
             if not ground.dwithin(outside, OUTSIDE):
-                plan.note("missing", f"&EXIT {one.name} (line {one.number}) is not at the ground", storey)
+                text = f"&EXIT {one.name} (line {one.number}) is not at the ground"
+                plan.note("missing", text, storey, element="&EXIT")
                 continue
             plan.exit(f"{one.name} (line {one.number})", storey, polygon=outside)
         vents = [one for one in own["VENT"] if "OPEN" in one.text and one.segment is not None]
@@ -115,7 +120,8 @@ class FdsImporter(Importer):
                 plan.opening(storey, one.segment)
         for one in own["EVAC"]:
             if not one.plan.intersects(ground):
-                plan.note("missing", f"&EVAC {one.name} (line {one.number}) is not on the ground", storey)
+                text = f"&EVAC {one.name} (line {one.number}) is not on the ground"
+                plan.note("missing", text, storey, element="&EVAC")
             else:
                 plan.area(f"{one.name} (line {one.number})", storey, one.plan)
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -116,10 +117,15 @@ class GeojsonImporter(Importer):
             own = [{**_properties(item), **of} for item, of in zip(objects, labels, strict=True)]
             shapes = [one.shape for one in features]
             storeys, steps, nowhere = read_map(profile, [*zip(own, shapes, strict=True)])
-            for text, shape in nowhere:
-                plan.note("left out", text, place=None if shape.is_empty else place_of(shape))
+            plan.note("found", f"{len(features)} features", element="feature", number=len(features))
+            for text, number in Counter(text for text, _ in nowhere).items():
+                shape = next(shape for other, shape in nowhere if other == text)
+                at = None if shape.is_empty else place_of(shape)
+                plan.note("left out", text, place=at, element="feature", number=number)
             self._add_map(plan, storeys, steps)
         else:
+            for kind, number in Counter(one.kind for one in features).items():
+                plan.note("found", f"{number} features of the kind {kind}", element=kind, number=number)
             self._add_storeys(plan, features)
         return plan
 
@@ -155,7 +161,7 @@ class GeojsonImporter(Importer):
             if fault and (why := _fault(plan)):
                 plan.stairs, plan.pieces = kept
                 text = f"stair {name!r} from {one.levels[0]!r} to {one.levels[1]!r}: {why}"
-                plan.note("missing", text, one.levels[0], place_of(one.line))
+                plan.note("missing", text, one.levels[0], place_of(one.line), element="feature")
                 continue
             plan.note("found", f"stair {name!r}", one.levels[0], place_of(one.line))
             if not one.is_directed:
@@ -200,9 +206,11 @@ class GeojsonImporter(Importer):
             ends = at_wall(ends, floor, leads_out=leads)
         sides = 0 if ends is None else int(door_sides(ends.reshape(1, 4), floor)[0])
         if sides < 2 and shapely.union_all(storey.shafts).dwithin(door.shape, BESIDE):
-            plan.note("left out", f"{label!r}: a door to a lift, a shaft or a void", storey.name, place)
+            plan.note(
+                "left out", f"{label!r}: a door to a lift, a shaft or a void", storey.name, place, element="feature"
+            )
         elif ends is None or sides == 0 or (sides == 1 and not leads):
-            plan.note("left out", f"{label!r}: a door that joins nothing", storey.name, place)
+            plan.note("left out", f"{label!r}: a door that joins nothing", storey.name, place, element="feature")
         else:
             outside = "exit" if door.is_entrance else outside
             plan.door(label, storey.name, ends, outside=outside)

@@ -2,6 +2,7 @@
 
 import re
 import zipfile
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -46,8 +47,10 @@ CLASSES = {
     "IfcSanitaryTerminal": "furniture",
     "IfcFlowTerminal": "furniture",
 }
-#: Classes that people walk on and that are not supported.
-NOT_READ = ("IfcTransportElement",)
+#: Kinds of bodies without which a building is incomplete.
+NEEDED = ("space", "slab", "door", "stair", "landing")
+#: Why elements of other classes are left out.
+UNUSED = {"IfcTransportElement": "lifts and escalators are not supported"}
 #: The whole and its parts of a relation.
 AGGREGATES = re.compile(rb"=\s*IFCRELAGGREGATES\s*\([^;]*?#(\d+)\s*,\s*\(([#\d,\s]*)\)\s*\)\s*;")
 #: The opening and the door or window of a relation; names between quotes cannot hold a reference at the end.
@@ -134,30 +137,29 @@ def _bodies(
     from evac.building.recover.bodies import Body
 
     bodies = []
-    count: dict[str, int] = {}
+    count = Counter(_kind(one) or one["ifc_type"] for one in read.entities.values() if one["has_geometry"])
+    for name, many in sorted(count.items()):
+        if name in {*CLASSES.values(), "landing"}:
+            findings.append(Finding("found", f"{many} {name}", element=name, number=many))
+        else:
+            why = UNUSED.get(name, "people walk neither on nor around them")
+            findings.append(Finding("left out", f"{many} {name}: {why}", element=name, number=many))
     for number in sorted(read.entities):
         element = read.entities[number]
         kind = _kind(element)
         shape = read.shapes.get(number)
-        if element["ifc_type"] in NOT_READ:
-            count[element["ifc_type"]] = count.get(element["ifc_type"], 0) + 1
-        if kind is None:
+        if kind is None or not element["has_geometry"]:
             continue
-        if shape is None:
-            if element["has_geometry"]:
-                why = f": {read.late[number]}" if number in read.late else ""
-                text = f"{element['ifc_type']} #{number} {_text(element['name'])!r}: its shape cannot be read{why}"
-                findings.append(Finding("missing" if number in read.late else "left out", text))
-            continue
-        points, triangles = shape
+        points, triangles = shape or (np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))
         if not len(triangles) or not np.isfinite(points).all() or np.abs(points).max() > FARTHEST:
-            text = f"{element['ifc_type']} #{number} {_text(element['name'])!r}: its shape is empty or not finite"
-            findings.append(Finding("left out", text))
+            why = f": {read.late[number]}" if number in read.late else ""
+            why = f"its shape cannot be read{why}" if shape is None else "its shape is empty or not finite"
+            text = f"{element['ifc_type']} #{number} {_text(element['name'])!r}: {why}"
+            is_needed = number in read.late or kind in NEEDED
+            findings.append(Finding("missing" if is_needed else "left out", text, element=kind))
             continue
         storey, opening = storeys.get(number, ""), fills.get(number, -1)
         bodies.append(Body(kind, _label(number, element), points, triangles, number, storey, opening))
-    for name, many in count.items():
-        findings.append(Finding("left out", f"{many} {name}: lifts and escalators are not supported"))
     return bodies
 
 

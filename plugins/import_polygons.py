@@ -82,9 +82,8 @@ class ObjImporter(Importer):
             findings.append(Finding("found", f"group of {len(edge_tags[tag])} lines: {tag}"))
         if len(kept) < len(faces):
             names = sorted({groups[group] for group in face_group if tags[group] == "ignore"})
-            findings.append(
-                Finding("left out", f"{len(faces) - len(kept)} faces of the groups {', '.join(names)} (names)")
-            )
+            number, text = len(faces) - len(kept), f"faces of the groups {', '.join(names)} (names)"
+            findings.append(Finding("left out", f"{number} {text}", element="face", number=number))
         return SurfaceMesh(points, [faces[row] for row in kept], cell_tags, edge_tags, findings)
 
     def _table(self) -> dict[str, str]:

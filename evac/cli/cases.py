@@ -3,6 +3,7 @@
 import argparse
 import math
 import tomllib
+from collections.abc import Sequence
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +15,9 @@ from evac.contract.hooks import BASES
 
 if TYPE_CHECKING:
     from evac.importing import Imported
+
+#: Number of kinds of elements of a file that are listed on the screen.
+MOST_PARTS = 5
 
 
 def declare_list(parser: argparse.ArgumentParser) -> None:
@@ -146,11 +150,17 @@ def _numbers(what: str, text: str, whole: bool = False) -> list[float]:
     raise ScenarioError(f"{what} {text}: give {'whole ' if whole else ''}numbers separated by commas, such as 1,3")
 
 
+def _several(parts: Sequence[str]) -> str:
+    """Return some parts of a line, of which only the first are written."""
+    others = [f"{len(parts) - MOST_PARTS} more in report.md"] if len(parts) > MOST_PARTS else []
+    return "; ".join([*parts[:MOST_PARTS], *others]) or "none"
+
+
 def _show(made: "Imported") -> None:
     """Show what is missing, a summary, the openings if there is no exit, the warnings, and the next command."""
     from collections import Counter
 
-    from evac.building.model.findings import KINDS, and_more, grouped
+    from evac.building.model.findings import KINDS, account, and_more, grouped
     from evac.building.model.storeys import storeys
     from evac.cli.screen import say, show_facts, show_table, show_warnings
     from evac.importing.documents import MOST_OPENINGS, opening_row
@@ -161,6 +171,7 @@ def _show(made: "Imported") -> None:
     named = {own[0].name.partition(" z=")[0] for own in floors}  # a storey of two heights has two floors
     area = sum(level.polygon.area for own in floors for level in own)
     full = [room.number for room in made.rooms if room.number]
+    elements = account(made.findings)
     count = Counter(finding.kind for finding in made.findings)
     for missing in made.missing:
         say(f"incomplete: {missing}")
@@ -171,6 +182,8 @@ def _show(made: "Imported") -> None:
             "stairs": ", ".join(building.stairs) or "none",
             "exits": ", ".join(way.name for way in building.exits) or "none",
             "people": f"{sum(full)} in {counted(len(full), 'room')}",
+            "read": _several([f"{read} {kind}" for kind, read, _, _ in elements if read]),
+            "left out": _several([f"{number} {kind}" for kind, _, number, _ in elements if number]),
             "findings": ", ".join(f"{count[kind]} {kind}" for kind in KINDS if count[kind]) or "none",
             **({"case": made.folder} if made.is_accepted else {}),
             "picture": made.folder / PICTURE,
@@ -182,9 +195,9 @@ def _show(made: "Imported") -> None:
         more = f", the first {shown} of {len(made.openings)} (all in report.md)" if shown < len(made.openings) else ""
         rows = [opening_row(made, k) for k in range(shown)]
         show_table(f"Openings{more}", ("number", "level", "width [m]", "from", "to", "z [m]"), rows)
-    for kind in ("warning", "left out"):
-        groups = grouped(finding for finding in made.findings if finding.kind == kind)
-        show_warnings([f"{own[0]}{and_more(own)}" for own in groups])
+    # Of many alike, only the numbers are shown above.
+    told = [one for one in made.findings if one.kind == "warning" or (one.kind == "left out" and one.number == 1)]
+    show_warnings([f"{own[0]}{and_more(own)}" for own in grouped(told)])
     if not made.is_accepted:
         plan = made.folder / PLAN
         add = f"add what is missing to {plan} and import again, or import" if plan.is_file() else "import"

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from evac.base.toml import toml_lines, toml_value
-from evac.building.model.findings import KINDS, grouped, repaired
+from evac.building.model.findings import KINDS, account, grouped, repaired
 from evac.contract.hooks import BASES, DEFAULT_MOVEMENT
 
 if TYPE_CHECKING:
@@ -118,6 +118,9 @@ def report_text(made: "Imported", digests: Mapping[str, str]) -> str:
     text += ["## People", ""]
     rooms = [(room.name, room.key, f"{room.ground:.2f}", number[room.name]) for room in made.rooms]
     text += table(("room", "kind", "area [m2]", "people"), rooms) if rooms else ["None.", ""]
+    elements = [(kind, read, number, "; ".join(why)) for kind, read, number, why in account(made.findings)]
+    columns = ("kind", "read", "left out", "why")
+    text += ["## Elements of the file", "", *table(columns, elements)] if elements else []
     text += _listed(made, [kind for kind in KINDS if kind != "missing"])
     text += ["## Options", "", *table(("option", "value"), [(key, repr(one)) for key, one in made.options.items()])]
     return "\n".join([*text, *(f"{name} as written: {digest}" for name, digest in digests.items()), ""])

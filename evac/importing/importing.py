@@ -264,7 +264,9 @@ class _Draft:
             own = own.model_copy(update={"scale": unit * own.scale})
             surface = clean(mesh, source, own)
             building = building_of(surface, source, need_exit=False)
-            self._told = [*building.findings, *([Finding("assumed", why)] if why else [])]
+            lost = sum(one.number for one in building.findings if one.element == "face")
+            faces = Finding("found", f"{len(mesh.cells)} faces", element="face", number=len(mesh.cells) + lost)
+            self._told = [*building.findings, faces, *([Finding("assumed", why)] if why else [])]
             self.openings = [(name, own.scale * np.asarray(ends)) for name, ends in mesh.openings]
             try:
                 plan = plan_of_building(building)

@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 import evac
-from evac.building.model.findings import Finding, as_findings, repaired, warnings_of
+from evac.building.model.findings import Finding, account, as_findings, repaired, warnings_of
 
 
 def test_a_finding_begins_with_its_place():
@@ -43,3 +43,17 @@ def test_names_are_read_as_they_were_written(name, tmp_path):
         assert REPAIRED.get(name, name) == repaired(name)
     told = [one for one in plan_with(name).building().findings if one.kind == "repaired"]
     assert len(told) == (3 if name in REPAIRED else 0)
+
+
+def test_the_account_of_elements():
+    findings = [
+        Finding("found", "5 doors", element="door", number=5),
+        Finding("left out", "'a' has no room", element="door"),
+        Finding("left out", "'b' has no room", element="door"),
+        Finding("missing", "2 walls", element="wall", number=2),
+        Finding("left out", "of no element"),
+    ]
+    assert account(findings) == [
+        ("door", 3, 2, ["'a' has no room (and 1 more like this)"]),
+        ("wall", 0, 2, ["2 walls"]),
+    ]

@@ -53,6 +53,10 @@ class Finding:
         Position (x, y) on the level, or (x, y, z) [m].
     item : str, optional
         Key of what it is about in the plan, such as ``doors.inner``.
+    element : str
+        Kind of elements of a file that it is about, such as ``door`` or ``layer 'A-WALL'``.
+    number : int
+        Number of these elements: of those in the file, if it is found, else of those that are concerned.
     remedy : str
         What removes it, as far as it is known: keys of the item with their values as in a plan file, one on a
         line, such as ``turn = "right"``; ``remove KEY``; or ``remove it``.
@@ -74,6 +78,8 @@ class Finding:
     place: tuple[float, ...] | None = None
     item: str | None = None
     remedy: str = ""
+    element: str = ""
+    number: int = 1
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -107,6 +113,23 @@ def as_findings(given: "tuple[Finding | str, ...] | list[Finding | str]") -> tup
 def warnings_of(findings: tuple[Finding, ...] | list[Finding]) -> tuple[str, ...]:
     """Return the texts of the warnings among findings."""
     return tuple(str(finding) for finding in findings if finding.kind == "warning")
+
+
+def account(findings: Iterable[Finding]) -> list[tuple[str, int, int, list[str]]]:
+    """Return what became of the elements of a file: of each kind, the number read, the number left out, and why."""
+    kinds: dict[str, list[Finding]] = {}
+    for finding in findings:
+        if finding.element:
+            kinds.setdefault(finding.element, []).append(finding)
+    rows = []
+    for element, own in sorted(kinds.items()):
+        total = sum(one.number for one in own if one.kind == "found")
+        lost = [one for one in own if one.kind in ("left out", "missing", "error")]
+        number = sum(one.number for one in lost)
+        rows.append(
+            (element, max(total - number, 0), number, [f"{group[0]}{and_more(group)}" for group in grouped(lost)])
+        )
+    return sorted(rows, key=lambda row: not row[1])  # what is of use comes first
 
 
 def grouped(findings: Iterable[Finding]) -> list[list[Finding]]:

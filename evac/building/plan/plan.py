@@ -598,9 +598,21 @@ class Plan:
             replace(finding, level=name if finding.level == taken.name else finding.level) for finding in other.findings
         ]
 
-    def note(self, kind: str, text: str, storey: str | None = None, place: tuple[float, float] | None = None) -> None:
-        """Add a finding, such as what an importer has found, assumed, repaired or left out."""
-        self.findings.append(Finding(kind, text, storey, place))
+    def note(
+        self,
+        kind: str,
+        text: str,
+        storey: str | None = None,
+        place: tuple[float, float] | None = None,
+        element: str = "",
+        number: int = 1,
+    ) -> None:
+        """Add a finding, such as what an importer has found, assumed, repaired or left out; see `Finding`.
+
+        An importer accounts for every element of a file: it tells how many of each kind of `element` it has found, and
+        which of them are left out, or are missing in the building, and why.
+        """
+        self.findings.append(Finding(kind, text, storey, place, element=element, number=number))
 
     @property
     def files(self) -> list[Path]:

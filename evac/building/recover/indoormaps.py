@@ -134,6 +134,7 @@ def read_map(
         what = _category(profile, own)
         on = _levels(own, names) if profile != "wrld3d" else ["floor"]
         if not what:
+            nowhere.append(("a feature that is no room, way, door, wall or stair", shape))
             continue
         if shape.is_empty or (what == "steps" and len(on) > 1 and shape.length < LEAST_STEPS):
             nowhere.append((f"{what} {_text(own.get('name'))!r} without a length", shape))

@@ -135,10 +135,11 @@ def doorways_of(
                 text = f"{body.name!r} begins {body.z_min - way.floor.z:.2f} m above the floors on both of its sides"
                 findings.append(Finding("assumed", f"{text}; it is a door between them", way.floor.name, body.place))
         elif near:
-            findings.append(Finding("left out", f"{body.name!r} has no room on either side", near[0].name, body.place))
-        elif not body.name.startswith("opening"):
+            text, element = f"{body.name!r} has no room on either side", "door" if body.fills != -1 else "opening"
+            findings.append(Finding("left out", text, near[0].name, body.place, element=element))
+        elif body.fills != -1:
             text = f"{body.name!r} is not on a floor (z = {body.z_min:z.2f} m)"
-            findings.append(Finding("left out", text, None, body.place))
+            findings.append(Finding("left out", text, None, body.place, element="door"))
     return doorways
 
 
@@ -207,6 +208,9 @@ def plan_of_bodies(
     `source`: for messages; `bodies`: of the kinds `KINDS`; `storeys` [m]: names and heights. The floors themselves are
     found from the bodies; `findings`: findings so far; they become the first findings of the plan.
     """
+    idle = sum(body.kind == "furniture" for body in bodies)
+    if idle and not rules.furniture:
+        findings.append(Finding("left out", "it is no obstacle (furniture)", element="furniture", number=idle))
     passages, openings = passages_of(bodies)
     solid = [body for body in bodies if body.kind not in ("opening", "door", "window")]
     floors = floors_of([*solid, *openings], passages, storeys, rules, findings)
@@ -257,7 +261,9 @@ def _without_pits(
         is_low = any(PIT[0] < other.z - floor.z < PIT[1] for other in floors)
         if is_low and floor.ground.area < LARGEST_PIT and not any(floor is other for other in met):
             text = f"{floor.ground.area:.2f} m2 at {floor.z:.2f} m, a pit: neither door nor stair leads there"
-            findings.append(Finding("left out", text, None, (*place_of(floor.ground), floor.z)))
+            element, number = ("space", len(floor.rooms)) if floor.rooms else ("slab", 1)
+            place = (*place_of(floor.ground), floor.z)
+            findings.append(Finding("left out", text, None, place, element=element, number=number))
         else:
             kept.append(floor)
     return kept
@@ -302,7 +308,7 @@ def _add_rooms(plan: Plan, floors: Sequence[Floor], stairs: Sequence[FoundStair]
         for room, polygon in floor.rooms:
             if common(cut(polygon, away), floor.ground).area < LEAST_ROOM:
                 text = f"{room!r} is not an area: a stair covers it, or it has no floor"
-                plan.note("left out", text, floor.name, place_of(polygon))
+                plan.note("left out", text, floor.name, place_of(polygon), element="space")
                 continue
             name = room if room not in names else f"{room} of {floor.name}"
             names.add(name)

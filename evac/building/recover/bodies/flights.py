@@ -146,7 +146,7 @@ class LeftOutError(ValueError):
 
     def __init__(self, text: str, floor: str | None, place: tuple[float, float]) -> None:
         super().__init__(text)
-        self.finding = Finding("missing", text, floor, place)
+        self.finding = Finding("missing", text, floor, place, element="stair")
 
 
 def stairs_of(
@@ -165,7 +165,7 @@ def stairs_of(
         is_thin = shapely.is_empty(body.shadow().buffer(-NARROWEST / 2))
         what = "it is a handrail or a stringer" if is_thin else "neither treads nor an inclined face are in its shape"
         kind, text = "left out" if is_thin else "missing", f"{body.name!r} is left out: {what}"
-        findings.append(Finding(kind, text, _storey(floors, body.z_min), body.place))
+        findings.append(Finding(kind, text, _storey(floors, body.z_min), body.place, element="stair"))
     for landing in treads.short:
         text = f"a landing less than {SHORT:g} m deep is treated as part of its flight"
         findings.append(Finding("assumed", text, _storey(floors, landing.z), place_of(landing.plan)))
@@ -181,7 +181,7 @@ def stairs_of(
             is_beside = is_low and common(plan, around).area < (1.0 - TWICE) * plan.area
             if is_beside or min(floor.ground.distance(plan) for floor in floors) > FAR:
                 text = f"{_names(run.names)} is left out: it is outside of the building"
-                findings.append(Finding("left out", text, None, run.place))
+                findings.append(Finding("left out", text, None, run.place, element="stair"))
             else:
                 findings.append(left.finding)
     stairs: list[FoundStair] = []
@@ -198,9 +198,10 @@ def stairs_of(
             at = (
                 error.finding
                 if isinstance(error, LeftOutError)
-                else Finding("missing", text, stair.floors[0].name, place)
+                else Finding("missing", text, stair.floors[0].name, place, element="stair")
             )
             is_there = common(stair.plan, united([other.plan for other in stairs])).area > TWICE * stair.plan.area
+            at = replace(at, number=len(names))
             findings.append(replace(at, kind="left out") if is_there else at)
             continue
         stairs.append(stair)

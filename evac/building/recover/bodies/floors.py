@@ -96,7 +96,8 @@ def floors_of(
         slabs, rooms = united(height.slabs), dict[str, BaseGeometry]()
         if height.spaces and slabs.is_empty and _is_above_roof(height, bodies):
             text = "spaces with a roof and no slab below are outside of the building"
-            findings.append(Finding("left out", text, name, height.spaces[0][0].place))
+            place, number = height.spaces[0][0].place, len(height.spaces)
+            findings.append(Finding("left out", text, name, place, element="space", number=number))
             continue
         if height.spaces:
             steps = _in_other_spaces(height, tops, heights)
@@ -110,7 +111,8 @@ def floors_of(
         else:
             if len(heights) > 1 and _is_bare(height, bodies, passages):
                 text = "no wall, door or stair stands on the slab: a roof, a terrace or a canopy"
-                findings.append(Finding("left out", text, name, place_of(slabs)))
+                number = len(height.slabs)
+                findings.append(Finding("left out", text, name, place_of(slabs), element="slab", number=number))
                 continue
             made = slabs
             what = "the file has no spaces" if rules.ground == "auto" else "as set"
@@ -139,7 +141,8 @@ def _closed_spaces(bodies: Sequence[Body], findings: list[Finding]) -> list[Body
         why = why or ("is a shaft by its name" if words and words <= {*SHAFTS.split()} else "")
         if why:
             closed_to_all.append(body)
-            findings.append(Finding("left out", f"{body.name!r} {why}", None, (*body.place, body.z_min)))
+            place = (*body.place, body.z_min)
+            findings.append(Finding("left out", f"{body.name!r} {why}", None, place, element="space"))
     return closed_to_all
 
 
