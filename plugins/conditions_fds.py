@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError
 from evac.building.model.building import Level
-from evac.conditions.source import QUANTITIES, ConditionSource, SourceScene
+from evac.conditions.source import HOTTEST_START, QUANTITIES, ConditionSource, SourceScene
 
 if TYPE_CHECKING:
     from evac.conditions.slices import Block
@@ -51,9 +51,6 @@ FRACTION = ("mol/mol",)
 #: By how much values may pass the bounds of their quantity, and are clipped: of fractions, 1e-4, of others 0.01 in
 #: their unit, since FDS passes them by such amounts.
 SLACK = 1e-4, 0.01
-
-#: Temperature that no calculation begins with everywhere [C]; values in kelvin are above it.
-HOTTEST_START = 150.0
 
 #: Keys of `&SLCF` that ask for a quantity.
 ASKED = {"extinction": "QUANTITY='EXTINCTION COEFFICIENT'", "temperature": "QUANTITY='TEMPERATURE'"}

@@ -14,7 +14,7 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, naming
 from evac.base.parameters import did_you_mean
 from evac.building.model.elevation import elevation
-from evac.conditions.source import QUANTITIES, ConditionSource, SourceScene
+from evac.conditions.source import HOTTEST_START, QUANTITIES, ConditionSource, SourceScene
 
 #: Greatest size of a CSV file [bytes].
 MOST_BYTES = 50_000_000
@@ -60,6 +60,7 @@ class Prescribed(ConditionSource):
                 raise ScenarioError("times: belongs to values; the file has times of its own")
             self._parts = _parts_in(scene.file(settings.file), levels, scene)
         self.last = min(float(part.times[-1]) if len(part.times) > 1 else np.inf for part in self._parts)
+        self.changes_until = max(float(part.times[-1]) for part in self._parts)
         return tuple(dict.fromkeys(name for part in self._parts for name in part.values))
 
     def at(
@@ -100,6 +101,10 @@ def _part_of(scene: SourceScene, levels: list[int], times: Sequence[float] | Non
             raise ScenarioError(
                 f"values.{name}: {wrong[0]:g} {own.unit} is outside [{own.least:g}, {own.most:g}]; correct it"
             )
+        is_everywhere = scene.settings.area is None and scene.settings.above == 0.0 and scene.settings.below is None
+        if name == "temperature" and (len(numbers) > 1 or is_everywhere) and numbers[0] > HOTTEST_START:
+            wrong_unit = f"begins with {numbers[0]:g} C: these are kelvin; subtract 273.15"
+            raise ScenarioError(f"values.temperature: {wrong_unit}")
         values[name] = numbers
     return _Part(np.isin(np.arange(len(scene.building.levels)), levels), at, values)
 

@@ -636,6 +636,12 @@ class SmokeSettings(Table):
     visibility: Real = key(
         "visibility below which people turn back if there is another way; 0: never", "m", 3.0, ge=0, le=100
     )
+    temperature: Real = key(
+        "temperature above which people turn back if there is another way", "C", 60.0, ge=0, le=5000
+    )
+    radiation: Real = key(
+        "radiative flux above which people turn back if there is another way", "kW/m2", 2.5, gt=0, le=10000
+    )
     contrast: Real = key(
         "visibility times extinction coefficient: 3 for reflecting objects, 8 for illuminated signs",
         "",

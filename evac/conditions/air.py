@@ -75,6 +75,11 @@ class Air:
         ends = zip(self.sources, self._settings, strict=True)
         return min((source.last - own.start for source, own in ends if not own.hold), default=np.inf)
 
+    def changes_after(self, time: float) -> bool:
+        """Return whether values of a source change after a time of the run [s]."""
+        ends = [source.last if source.changes_until is None else source.changes_until for source in self.sources]
+        return any(time + own.start < end - AT_ONCE for own, end in zip(self._settings, ends, strict=True))
+
     def heads_at(self, level: IntArray, position: FloatArray, height: FloatArray | float) -> FloatArray:
         """Return the heights z (n,) of the heads of people with body heights (n,) on levels (n,) [m]."""
         ground = np.empty(len(level))

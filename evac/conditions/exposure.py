@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray, IndexArray
+from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.distributions import generator_for
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.base.saved import Bounds, Saved
 from evac.building.model.building import DOWN, FLAT, UP
 from evac.conditions.air import NAME, PERIOD, Air, SmokeField
-from evac.conditions.dose import COUNTED, NEEDED, dose_rates, irritant_concentration, irritant_scale
+from evac.conditions.dose import COUNTED, MINUTE, NEEDED, dose_rates, irritant_concentration, irritant_scale
 from evac.conditions.law import SmokeLaw, share_in_smoke
 from evac.conditions.routes import RoutesInSmoke
 from evac.conditions.source import AT_ONCE, HEAD, IRRITANTS, QUANTITIES
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 #: Doses above which people are counted.
 TOLD = (0.3, 1.0)
+
+#: Rate above which a dose grows [1/min]: that of hot air of 36 C.
+LEAST_RATE = 1e-3
 
 #: Columns of the doses over time.
 SERIES = ("time", "mean_gas", "greatest_gas", "mean_heat", "greatest_heat")
@@ -179,6 +182,16 @@ class Exposure(Saved):
         np.isfinite(self.stopped_at, out=self.stopped)
         self.share[self.stopped], crowd.firmness[self.stopped] = 0.0, FIRMNESS
 
+    def can_grow(self, time: float) -> bool:
+        """Return whether doses of people inside who have not been stopped can grow at a time of the run [s]."""
+        if self._dose is None or time + self._case.simulation.tick > self.air.last:
+            return False
+        return bool(self._growing().any()) or self.air.changes_after(time)
+
+    def _growing(self) -> BoolArray:
+        """Return whether each person is inside and takes a dose, (n,)."""
+        return (self._crowd.level >= 0) & ~self.stopped & (self._rates >= LEAST_RATE / MINUTE).any(axis=0)
+
     def doses_at(self, time: float) -> FloatArray | None:
         """Return the doses of gases and of heat at a time [s], (2, n); None in a case without `[dose]`."""
         return None if self._dose is None else self.doses + self._owed(time)
@@ -257,6 +270,7 @@ class Exposure(Saved):
                 **{f"{kind}_above_{dose:g}": int((own >= dose).sum()) for kind, own in doses.items() for dose in TOLD},
                 **{f"greatest_{kind}": float(own.max(initial=0.0)) for kind, own in doses.items()},
                 "stopped": int((self.stopped & inside).sum()),
+                "growing": int(self._growing().sum()),
             }
         exposure = {
             **{f"{kind}_dose": own for kind, own in doses.items()},

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.simulation.scene import Scene
 
-#: Factor of the time through smoke in which people turn back, and over people who lie there, if there is another way.
+#: Factor of the time where people turn back, and over people who lie there, if there is another way.
 TURN_BACK = 100.0
 
 
@@ -42,7 +42,7 @@ class RoutesInSmoke(Saved):
         self._height = float(crowd.height.mean())
         flat, up, down = reference_speeds(case)
         self._flat, self._sloped = flat, 0.5 * (up + down)
-        names = ("extinction", *(IRRITANTS if case.smoke.irritants else ()))
+        names = ("extinction", "temperature", "radiation", *(IRRITANTS if case.smoke.irritants else ()))
         self._quantities = tuple(name for name in air.quantities if name in names)
         self._ticks = max(1, round(case.smoke.period / case.simulation.tick))
         self._nodes: list[tuple[IndexArray, FloatArray, FloatArray, FloatArray]] = []  # of each level
@@ -94,11 +94,13 @@ class RoutesInSmoke(Saved):
         at = np.full(len(nodes), level, np.int32)
         air = dict(zip(self._quantities, self._air.at(self._quantities, now, at, places, heads), strict=True))
         smoke = air.get("extinction", np.zeros(len(nodes)))
-        irritants = irritant_concentration(air) if len(air) > 1 else None
-        share = share_in_smoke(self._law, desired, smoke, irritants)
-        if self._settings.visibility > 0.0:
-            share = np.where(smoke * self._settings.visibility > self._settings.contrast, share / TURN_BACK, share)
-        return share
+        irritants = irritant_concentration(air) if any(name in air for name in IRRITANTS) else None
+        share, settings = share_in_smoke(self._law, desired, smoke, irritants), self._settings
+        turns_back = smoke * settings.visibility > settings.contrast
+        for name, limit in (("temperature", settings.temperature), ("radiation", settings.radiation)):
+            if name in air:
+                turns_back |= air[name] > limit
+        return np.where(turns_back, share / TURN_BACK, share)
 
     def _walk_round(self, share: FloatArray) -> None:
         """Reduce the shares (nodes,) of the speed where others would touch people who have been stopped."""

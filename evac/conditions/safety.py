@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from evac.conditions.air import Air
 
 #: Least side of the cells of floors [m], and least time between two readings of the air [s].
-SPACING, PERIOD = 0.5, 2.0
+SPACING, PERIOD = 0.5, 1.0
 
 #: Greatest number of cells, and of cells times readings.
 MOST_CELLS, MOST_READINGS = 50_000, 10_000_000

@@ -70,6 +70,9 @@ IRRITANTS = ("hcl", "hbr", "hf", "so2", "no2", "acrolein", "formaldehyde")
 #: Height of the head, at which people breathe and see, over that of the body; 1.6 m for a body of 1.78 m.
 HEAD = 0.9
 
+#: Temperature that no fire begins with [C]; values in kelvin are above it.
+HOTTEST_START = 150.0
+
 #: Times that differ by less are the same [s].
 AT_ONCE = 1e-6
 
@@ -137,12 +140,16 @@ class ConditionSource(Configurable, ABC):
     ----------
     last : float
         Time after which there are no values [s]; inf if there are always values.
+    changes_until : float or None
+        Time after which values no longer change [s]; None: `last`. Until then, a run does not end because nobody makes
+        progress.
     """
 
     #: Keys of `[[conditions]]` that it uses, besides ``source``, ``start`` and ``hold``.
     keys: ClassVar[tuple[str, ...]] = ()
 
     last: float = math.inf
+    changes_until: float | None = None
 
     @abstractmethod
     def open(self, scene: SourceScene) -> Sequence[str]:

@@ -80,23 +80,24 @@ class Ending(Saved):
         """Forget the least travel times of people, for whom other ways may be longer now; by default of everybody."""
         self._least[:, rows] = np.inf
 
-    def reason(self, step: int, crowd: Crowd, fields: Fields, can_change: bool = False) -> str:
-        """Return why the run ends with this tick; an empty string if it continues."""
-        over = self.over(step, crowd)
+    def reason(self, step: int, crowd: Crowd, fields: Fields, can_change: bool = False, can_grow: bool = False) -> str:
+        """Return why the run ends with this tick; an empty string if it continues, as it does while doses can grow."""
+        over = self.over(step, crowd, can_grow)
         if over:
             return over
         is_checked = step % self._steps_per_check == 0
         is_stuck = is_checked and self._is_stuck(step * self._settings.step, crowd, fields)
         return NO_PROGRESS if is_stuck and not can_change else ""
 
-    def over(self, step: int, crowd: Crowd) -> str:
+    def over(self, step: int, crowd: Crowd, can_grow: bool = False) -> str:
         """Return why no step is left, as `reason` but without the check of progress; an empty string if one is left."""
-        inside = (crowd.level >= 0) & self._leaves
-        if not (inside & ~self._arrived & ~self._stopped).any() and not np.isnan(crowd.arrival_time).any():
+        inside, is_last = (crowd.level >= 0) & self._leaves, step >= self._settings.last_step
+        is_over = not (inside & ~self._arrived & ~self._stopped).any() and not np.isnan(crowd.arrival_time).any()
+        if is_over and (is_last or not can_grow):
             if ((crowd.level >= 0) & self._stopped).any():
                 return EVERYBODY_ABLE_OUT
             return EVERYBODY_SAFE if inside.any() else EVERYBODY_OUT
-        return DURATION_OVER if step >= self._settings.last_step else ""
+        return DURATION_OVER if is_last else ""
 
     def stuck(self, step: int, crowd: Crowd) -> NDArray[np.intp]:
         """Return the rows of people inside who have made no progress for `STANDING`, or `no_progress` if that is less.

@@ -221,6 +221,12 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
     if fallen := len(results.stopped):
         first = min(results.exposure["stopped_at"][results.stopped].tolist())
         lines.append(f"{_number(fallen)} stopped by gases or heat, the first at {first:.1f} s; they are still inside")
+    dose = (results.conditions or {}).get("dose")
+    if dose and (growing := dose["growing"]):
+        lines.append(
+            f"{_number(growing)} inside still took a dose of gases or heat when the run ended, because its duration or "
+            "the data ended: a longer simulation.duration, or hold = true, shows whether they are stopped"
+        )
     irritants = results.exposure.get("greatest_irritants", np.zeros(0))
     if severe := int((irritants >= 1.0).sum()):
         lines.append(

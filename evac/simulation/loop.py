@@ -177,8 +177,10 @@ class Loop:
             simulation.timetable.act()  # before a run ends because all have arrived
         if (simulation.population.sources and simulation.to_come) or (simulation.case.place and simulation.to_go_on):
             return
-        can_change = bool(simulation.scene.changes_before(self._settings.duration))
-        simulation.ended = simulation.ending.reason(simulation.step, crowd, simulation.fields, can_change)
+        exposure, can_change = simulation.exposure, bool(simulation.scene.changes_before(self._settings.duration))
+        can_change |= exposure is not None and exposure.air.changes_after(simulation.time)
+        ways = simulation.fields, can_change, simulation.can_grow
+        simulation.ended = simulation.ending.reason(simulation.step, crowd, *ways)
         if simulation.ended:
             simulation.scene.end()
 

@@ -186,6 +186,11 @@ class Simulation(Saved):
         return None if doses is None else doses.max(axis=0)
 
     @property
+    def can_grow(self) -> bool:
+        """Whether the doses of people inside can still grow."""
+        return self.exposure is not None and self.exposure.can_grow(self.time)
+
+    @property
     def standing(self) -> NDArray[np.bool_]:
         """Whether people are in no queue, (n,): at a refuge or assembly area, stopped by gases, held by a behaviour."""
         standing = self.places.arrived | self.deciding.held
@@ -409,7 +414,7 @@ class Simulation(Saved):
             contact.restore(own)
         with part_of(state, "engine.") as own:
             self.engine.restore(own)
-        self.ended = self.ending.over(self.step, self.population.crowd)
+        self.ended = self.ending.over(self.step, self.population.crowd, self.can_grow)
 
     def _plugins(self) -> list[str]:
         """Return name and version of each plugin used in this run."""

@@ -13,7 +13,7 @@ from evac.cli.main import main
 from evac.export.vtk import people_polydata
 from evac.simulation.simulation import Simulation
 from evac_buildings.office_fire.write_slices import CO, EXTINCTION, write_slices
-from tests.conditions.corridor import corridor, prescribed, standing
+from tests.conditions.corridor import corridor, prescribed, standing, two_storeys
 from tests.runs import assert_same_bits, run_ticks
 
 #: People are stopped within a second by 10 % of CO.
@@ -269,3 +269,34 @@ def test_doses_and_smoke_are_in_the_tables_of_motion_and_in_exports(tmp_path):
     assert table.read_text().splitlines()[0].split(",")[-2:] == ["dose", "extinction"]
     points = people_polydata(trajectory, trajectory[-1]).point_arrays
     np.testing.assert_array_equal(points["dose"], trajectory[-1]["dose"].astype(np.float32))
+
+
+def test_a_run_does_not_end_for_lack_of_progress_while_the_air_can_change():
+    closing = {"event": [{"kind": "close", "target": "out", "time": 1.0}]}
+    settings = {"simulation": {"duration": 200.0, "no_progress": 5.0}}
+    smoke = prescribed(times=[0, 100], values={"extinction": [0.0, 1.0]}, hold=True)
+    ends = [Simulation(corridor(*air, **closing, **settings)).run() for air in ((), (smoke,))]
+    assert [run.ended for run in ends] == ["no progress"] * 2
+    assert ends[0].time < 95.0
+    assert ends[1].time == pytest.approx(100.0, abs=1.1)
+
+
+@pytest.mark.parametrize(("duration", "stopped"), [(200.0, 1), (40.0, 0)])
+def test_people_at_a_refuge_breathe_its_air(duration, stopped):
+    plan = two_storeys() | {"areas": [{"name": "r", "storey": "up", "polygon": [[0, 4], [12, 4], [12, 8], [0, 8]]}]}
+    case = corridor(
+        prescribed(values={"co": 20000.0}),
+        building={"plan": plan},
+        people=[{"name": "chair", "area": "r", "number": 1, "steepest": 0.1}],
+        place=[{"name": "safe", "kind": "refuge", "area": "r"}],
+        dose={"heat": "none", "without": ["co2", "o2"]},
+        smoke={"law": "none", "routes": False},
+        simulation={"duration": duration},
+    )
+    results = Simulation(case).run()
+    rate = 3.317e-5 * 20000.0**1.036 * 25.0 / 30.0 / 60.0
+    assert len(results.stopped) == stopped
+    assert results.exit_status == 3 * stopped
+    assert results.time == pytest.approx(1.0 / rate if stopped else duration, abs=0.6)
+    assert results.conditions["dose"]["growing"] == 1 - stopped
+    assert any("still took a dose" in line for line in results.remarks) == (not stopped)

@@ -63,6 +63,7 @@ def test_a_csv_file_describes_levels_over_time(tmp_path):
         ("time,extinction\n", ["no lines"]),
         ("time,extinction\n0,-1\n", ["extinction", "-1", "[0, 10000]"]),
         ("time,extinction\n0,nan\n", ["extinction", "nan"]),
+        ("time,temperature\n0,293\n9,400\n", ["temperature", "kelvin"]),
         ("time,extinction\n0,1\nnan,2\n9,3\n", ["times", "increase"]),
         ("time,extinction\n0,1\ninf,2\n", ["times", "increase"]),
         ("time,smoke\n0,1\n", ["smoke", "no such quantity"]),

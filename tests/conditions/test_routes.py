@@ -50,6 +50,14 @@ def test_people_turn_back_in_front_of_smoke_if_there_is_another_way():
     assert results.conditions["routes"]["solves"] == 1
 
 
+@pytest.mark.parametrize(("value", "used"), [(61.0, "far"), (59.0, "near")])
+def test_heat_turns_people_back_as_smoke_does(value, used):
+    hot = {"source": "prescribed", "area": "west", "values": {"extinction": 0.0, "temperature": value}}
+    assert exits_of(Simulation(two_ways(hot)).run()) == {used}
+    radiation = hot | {"values": {"extinction": 0.0, "radiation": value / 24.0}}
+    assert exits_of(Simulation(two_ways(radiation)).run()) == {used}
+
+
 def test_people_go_through_smoke_if_there_is_no_other_way():
     results = Simulation(two_ways(smoke("west", 2.0), smoke("east", 2.0))).run()
     assert (results.ended, exits_of(results)) == ("everybody out", {"near"})
