@@ -136,7 +136,7 @@ def change(coarse: Sequence[FloatArray], fine: Sequence[FloatArray], generator: 
     Position sets and runs are those available at both steps, from the first on; a run that was stopped at either step
     is counted separately at both.
     """
-    shared = [(one[: len(other)], other[: len(one)]) for one, other in zip(coarse, fine, strict=False)]
+    shared = [(a[: len(b)], b[: len(a)]) for a, b in zip(coarse, fine, strict=False)]
     return _flow(shared, np.array([-1.0, 1.0]), generator)
 
 
@@ -148,14 +148,14 @@ def _flow(sets: Sequence[tuple[FloatArray, ...]], weight: FloatArray, generator:
     sums = np.array([[_sums(times) for times in groups] for groups in whole])
     # of each group: the sum of the slopes of single runs, and their number
     slopes = np.array(
-        [[(sum(_slope(_sums(run[None])) for run in times), len(times)) for times in one] for one in whole]
+        [[(sum(_slope(_sums(run[None])) for run in times), len(times)) for times in groups] for groups in whole]
     )
 
     def estimate(of: Callable[[FloatArray], FloatArray], values: FloatArray) -> FlowEstimate:
         with np.errstate(invalid="ignore", divide="ignore"):
             value, resampled = of(values.sum(axis=0)) @ weight, of(values[picks].sum(axis=1)) @ weight
         tail = 50.0 * (1.0 - CONFIDENCE)
-        return FlowEstimate(*(60.0 * float(one) for one in (value, *np.nanpercentile(resampled, [tail, 100.0 - tail]))))
+        return FlowEstimate(*(60.0 * float(x) for x in (value, *np.nanpercentile(resampled, [tail, 100.0 - tail]))))
 
     runs = sum(map(len, kept))
     by_run = estimate(lambda values: values[..., 0] / values[..., 1], slopes)

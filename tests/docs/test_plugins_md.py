@@ -34,7 +34,7 @@ def test_every_file_is_tried_here(plugin_files):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_documented_plugin_conforms(plugin_files, name):
+def test_a_documented_plugin_is_one_class_that_conforms(plugin_files, name):
     registry = Registry([plugin_files[name]])
     classes = [
         cls
@@ -51,7 +51,8 @@ def test_a_documented_plugin_conforms(plugin_files, name):
         if sys.modules[cls.__module__].__file__ == str(plugin_files[name])
     ]
     assert len(classes) == 1
-    check_plugin(classes[0])
+    if f"import {plugin_files[name].stem}\n" not in plugin_files["test_my_plugins.py"].read_text():
+        check_plugin(classes[0])  # the others conform in the documented tests, which are run below
 
 
 def test_documented_tests_pass_with_pytest(plugin_files):

@@ -114,8 +114,9 @@ def _in_front(track: Track, frame: int, line: Line) -> NDArray[np.bool_]:
     """Return who is inside, before the line, and near the middle of it, which is on the other axis at 0."""
     place = track.position[frame]
     beyond = line.beyond(place)
-    found: NDArray[np.bool_] = track.inside[frame] & (beyond < 0.0) & (np.hypot(beyond, place[:, 1 - line.axis]) < NEAR)
-    return found
+    away: FloatArray = np.hypot(beyond, place[:, 1 - line.axis])
+    near: NDArray[np.bool_] = track.inside[frame] & (beyond < 0.0) & (away < NEAR)
+    return near
 
 
 def nearest_neighbour(track: Track, time: float, line: Line) -> float:
@@ -136,11 +137,11 @@ def heading_rms(track: Track, time: float, line: Line) -> float:
     first, last = (round((time + shift - track.time[0]) / track.tick) for shift in (-1.0, 2.0))
     turns = []
     for frame in range(max(first, 0), min(last, len(track.time) - 2 * step), step):
-        one, two = (track.position[k + step] - track.position[k] for k in (frame, frame + step))
+        before, after = (track.position[k + step] - track.position[k] for k in (frame, frame + step))
         counts = _in_front(track, frame, line) & track.inside[frame + 2 * step]
-        counts &= (np.hypot(*one.T) > LEAST_WAY) & (np.hypot(*two.T) > LEAST_WAY)
-        cross = one[counts, 0] * two[counts, 1] - one[counts, 1] * two[counts, 0]
-        turns.append(np.arctan2(cross, (one[counts] * two[counts]).sum(axis=1)))
+        counts &= (np.hypot(*before.T) > LEAST_WAY) & (np.hypot(*after.T) > LEAST_WAY)
+        cross = before[counts, 0] * after[counts, 1] - before[counts, 1] * after[counts, 0]
+        turns.append(np.arctan2(cross, (before[counts] * after[counts]).sum(axis=1)))
     squares = np.square(np.degrees(np.concatenate(turns))) if turns else np.zeros(0)
     return float(np.sqrt(squares.mean())) if squares.size else float("nan")
 

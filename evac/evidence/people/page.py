@@ -6,7 +6,7 @@ from itertools import pairwise
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.people import scenes
 from evac.evidence.people.runs import KEY, LEFT, NEVER_BLOCKED, TABLE, jobs, measure_runs
-from evac.evidence.people.values import SHARE_ON_AVERAGE, VALUES, Value, found_row
+from evac.evidence.people.values import SHARE_ON_AVERAGE, VALUES, Value, outcome
 from evac.evidence.verdicts import MET, REPORTED, Finding, all_of, at_most, reported
 from evac.study.statistics import share_interval
 
@@ -21,12 +21,12 @@ def run(evidence: Evidence) -> None:
     subjects = list(dict.fromkeys((row["setting"], row["model"]) for row in runs))
     names = {row["scene"] for row in runs}
     values = [value for value in VALUES if names.issuperset(value.scenes)]
-    found = evidence.measured("values", lambda: [found_row(value, *own, runs) for own in subjects for value in values])
-    for finding in verdicts(values, found, runs):
+    outcomes = evidence.measured("values", lambda: [outcome(value, *own, runs) for own in subjects for value in values])
+    for finding in verdicts(values, outcomes, runs):
         evidence.verdict(finding)
-    evidence.show("scenes", __name__, found=found)
+    evidence.show("scenes", __name__, outcomes=outcomes)
     for setting in dict.fromkeys(setting for setting, _ in subjects):
-        _report_setting(evidence, setting, values, [row for row in found if row["setting"] == setting])
+        _report_setting(evidence, setting, values, [row for row in outcomes if row["setting"] == setting])
     shares = [
         {"scene": scene} | {", ".join(own): _share(*blocked(scene, *own, runs)) for own in subjects}
         for scene in dict.fromkeys(row["scene"] for row in runs)
@@ -40,10 +40,10 @@ def heading(setting: str) -> str:
     return f"Movement model: {setting}"
 
 
-def verdicts(values: Sequence[Value], found: Sequence[Row], runs: Sequence[Row]) -> list[Finding]:
+def verdicts(values: Sequence[Value], outcomes: Sequence[Row], runs: Sequence[Row]) -> list[Finding]:
     """Return the verdicts on the default with the first contact model, and how many targets the others meet."""
-    setting, model = found[0]["setting"], found[0]["model"]  # the default, unless it was not asked for
-    own = {row["value"]: row for row in found if (row["setting"], row["model"]) == (setting, model)}
+    setting, model = outcomes[0]["setting"], outcomes[0]["model"]  # the default, unless it was not asked for
+    own = {row["value"]: row for row in outcomes if (row["setting"], row["model"]) == (setting, model)}
     section = heading(setting)
     rows = []
     for question in dict.fromkeys(value.question for value in values if value.wanted):
@@ -63,11 +63,13 @@ def verdicts(values: Sequence[Value], found: Sequence[Row], runs: Sequence[Row])
         count, total = blocked(scene, setting, model, runs)
         if total:
             rows.append(all_of(f"{scene}: runs not blocked", total - count, total, BLOCKED))
-    own_rows = [row for row in found if row["setting"] == setting]
+    own_rows = [row for row in outcomes if row["setting"] == setting]
     rows.append(all_of("values that were not fitted: targets met", *_met(own_rows, True), HELD))
-    for one in dict.fromkeys(row["setting"] for row in found):
-        met, total = _met([row for row in found if row["setting"] == one])
-        rows.append(reported(f"{one}, all contact models: targets met", f"{met} of {total}", section=heading(one)))
+    for movement in dict.fromkeys(row["setting"] for row in outcomes):
+        met, total = _met([row for row in outcomes if row["setting"] == movement])
+        rows.append(
+            reported(f"{movement}, all contact models: targets met", f"{met} of {total}", section=heading(movement))
+        )
     return rows
 
 
@@ -98,11 +100,11 @@ def _share(count: int, total: int) -> str:
     return f"{count} of {total} ({100 * low:.0f} to {100 * high:.0f} %)"
 
 
-def _report_setting(evidence: Evidence, setting: str, values: Sequence[Value], found: Sequence[Row]) -> None:
+def _report_setting(evidence: Evidence, setting: str, values: Sequence[Value], outcomes: Sequence[Row]) -> None:
     rows: list[Row] = []
     for value in values:
         told = {"value": value.name, "measured": value.measured, "target": value.wanted or "-"}
-        cells = {row["model"]: _cell(row) for row in found if row["value"] == value.name}
+        cells = {row["model"]: _cell(row) for row in outcomes if row["value"] == value.name}
         rows.append({**told, "held out": "yes" if value.is_held_out else "no", **cells})
     evidence.show("setting", __name__, rows=rows, setting=setting)
 

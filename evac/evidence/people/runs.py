@@ -116,19 +116,19 @@ def measure_runs(evidence: Evidence) -> list[Row]:
     Each row is written when its run has ended. Those of an earlier measurement with the same code are kept.
     """
     path = evidence.folder / f"{TABLE}.csv"
-    found: dict[tuple[str, ...], Row] = {tuple(row[key] for key in KEY): row for row in _kept(path)}
+    by_key: dict[tuple[str, ...], Row] = {tuple(row[key] for key in KEY): row for row in _kept(path)}
     wanted = jobs(evidence.quick, evidence.seed)
-    missing = [job for job in wanted if job.key not in found]
+    missing = [job for job in wanted if job.key not in by_key]
     with replacing(path, "the table") as new, new.open("w", newline="", encoding="utf-8") as file:
         _writer(file).writeheader()
-        _writer(file).writerows(found.values())
+        _writer(file).writerows(by_key.values())
     with path.open("a", newline="", encoding="utf-8") as file:
         for row in evidence.results(run_job, [(job,) for job in missing]):
             _writer(file).writerow(row)
             file.flush()
-            found[tuple(row[key] for key in KEY)] = row
-    first = [found.pop(job.key) for job in wanted]
-    return [{name: row.get(name) for name in COLUMNS} for row in (*first, *found.values())]
+            by_key[tuple(row[key] for key in KEY)] = row
+    first = [by_key.pop(job.key) for job in wanted]
+    return [{name: row.get(name) for name in COLUMNS} for row in (*first, *by_key.values())]
 
 
 def _writer(file: TextIO) -> "csv.DictWriter[str]":

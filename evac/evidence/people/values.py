@@ -154,7 +154,7 @@ def _ways() -> Iterator[Value]:
 VALUES: Sequence[Value] = (*_doors(), *_corridors(), *_ways())
 
 
-def found_row(value: Value, setting: str, model: str, runs: Sequence[Row]) -> Row:
+def outcome(value: Value, setting: str, model: str, runs: Sequence[Row]) -> Row:
     """Return what was found for a measured value in the runs of one setting and contact model.
 
     A run is blocked if people are left. Such runs have no value, and every mean stands beside their share.

@@ -94,10 +94,10 @@ def _judge(evidence: Evidence, rows: Sequence[Row], tests: Sequence[StandardTest
 
 def verdict_rows(rows: Sequence[Row]) -> list[Row]:
     """Return a row for each criterion, with the verdict on each model."""
-    found: dict[tuple[str, str], dict[str, Any]] = {}
+    by_criterion: dict[tuple[str, str], dict[str, Any]] = {}
     for row in rows:
         key = row["test"], row["measured"]
-        told = found.setdefault(key, {name: row[name] for name in ("test", "measured", "expected", "by")})
-        told[row["model"]] = row["met"]
+        verdicts = by_criterion.setdefault(key, {name: row[name] for name in ("test", "measured", "expected", "by")})
+        verdicts[row["model"]] = row["met"]
     models = dict.fromkeys(row["model"] for row in rows)
-    return [row | {model: row.get(model, "-") for model in models} for row in found.values()]
+    return [row | {model: row.get(model, "-") for model in models} for row in by_criterion.values()]
