@@ -40,8 +40,15 @@ def evac_prepare(simulation):
 """
 
 
+@pytest.fixture(scope="module")
+def times():
+    """Return the times of the study of the script, made in this process."""
+    case = evac.load("square_room", {"people.people.number": 8, "contact.model": "dem"})
+    return sorted(evac.repeat(case, 8, workers=1).times(0).tolist())
+
+
 @pytest.mark.parametrize("how", ["file", "input", "command"])
-def test_a_script_without_a_guard_runs_once(tmp_path, how):
+def test_a_script_without_a_guard_runs_once(tmp_path, times, how):
     (tmp_path / "here.py").write_text(TRACE)
     (tmp_path / "script.py").write_text(SCRIPT)
     words = {"file": ["script.py"], "input": ["-"], "command": ["-c", SCRIPT]}[how]
@@ -53,9 +60,7 @@ def test_a_script_without_a_guard_runs_once(tmp_path, how):
         text=True,
         check=True,
     )
-    case = evac.load("square_room", {"people.people.number": 8, "contact.model": "dem"})
-    times = evac.repeat(case, 8, workers=1).times(0)
-    assert done.stdout.splitlines() == ["began", "True", str(sorted(times.tolist()))]
+    assert done.stdout.splitlines() == ["began", "True", str(times)]
     assert not done.stderr
 
 
