@@ -86,18 +86,18 @@ def moves_of(
     time zero; `exit_used` (n,): exit of each person who is out.
     """
     level = np.array(start_level, dtype=np.int32)
-    portal = crossings[1] < len(building.portals)
-    row, link, time = crossings[0][portal], crossings[1][portal], crossings[2][portal]
+    joins = np.array([len(link.levels) == 2 for link in building.links], dtype=bool)[crossings[1]]
+    row, link, time = (column[joins] for column in crossings)
     source, target = np.empty(row.size, np.int32), np.empty(row.size, np.int32)
     for k, (person, crossed) in enumerate(zip(row.tolist(), link.tolist(), strict=True)):
-        way = building.portals[crossed]
+        way = building.links[crossed]
         source[k] = level[person]
         if source[k] not in way.levels:
             raise ResultError(
-                f"the crossings contradict each other: at {time[k]:.3f} s person {person} crosses portal "
+                f"the crossings contradict each other: at {time[k]:.3f} s person {person} crosses {way.kind} "
                 f"{way.name!r} but is on {building.levels[source[k]].name!r}"
             )
-        target[k] = level[person] = way.other(source[k])
+        target[k] = level[person] = next(one for one in way.levels if one != source[k])
     out = np.flatnonzero(np.isfinite(exit_time)).astype(np.int32)
     begin = np.array(start_level, dtype=np.int32)
     came = np.flatnonzero(arrival_time > 0.0) if arrival_time is not None else np.zeros(0, np.intp)

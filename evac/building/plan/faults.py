@@ -53,14 +53,11 @@ def with_remedies(plan: Plan, drawing: Drawing, findings: Sequence[Finding], doo
 
 def _built(plan: Plan, mesh: SurfaceMesh | None) -> tuple[Building | None, list[Finding]]:
     """Return the building of a mesh, or the errors that refuse it, about the items of a plan."""
-    if mesh is None:
-        return None, []
     keys = {f"stairs.{stair.name}": key_of("stairs", stair) for stair in plan.stairs}
     try:
-        return build_building(mesh, plan.source, need_exit=False), []
+        return None if mesh is None else build_building(mesh, plan.source, need_exit=False), []
     except BuildingError as error:
-        text = str(error).removeprefix(f"{plan.source}: ")
-        found = error.findings or (Finding("error", text),)
+        found = error.findings or (Finding("error", str(error).removeprefix(f"{plan.source}: ")),)
         return None, [replace(one, item=keys.get(one.item or "", one.item)) for one in found]
 
 
@@ -80,14 +77,10 @@ def _remedy(plan: Plan, drawing: Drawing, error: Finding, doors: list[Item]) -> 
     section, _, name = (error.item or "").partition(".")
     if error.remedy or section in ("", "storeys", "flights", "landings"):
         return error.remedy
-    rest = copy.copy(plan)
-    items = [item for item in getattr(plan, section) if item.name == name]
-    for kind in ("rooms", "doors", "exits", "openings", "areas", "stairs", "shafts"):
-        kept = [item for item in getattr(plan, kind) if item.name != name] if kind == section == "rooms" else []
-        setattr(rest, kind, plan.rooms if kind == "rooms" != section else kept)
-    alone = Plan(plan.source)
-    setattr(alone, section, items)
-    rest.pieces, rest.findings = [], []
+    rest, alone = Plan(plan.source, headroom=plan.headroom), Plan(plan.source)
+    rest.storeys, rest.refused, rest.obstacles = plan.storeys, plan.refused, plan.obstacles
+    rest.rooms = [room for room in plan.rooms if (section, room.name) != ("rooms", name)]
+    setattr(alone, section, [item for item in getattr(plan, section) if item.name == name])
     row = table_of(alone)[section][0]
     for change in _changes(plan, drawing, section, row, error.text):
         if _is_right(rest, section, {**row, **change}, doors):

@@ -97,20 +97,17 @@ def _error(plan: Plan, section: str, index: int, item: Any, folder: Path, text: 
         return Finding("error", text, item=key, remedy="remove it")
     if section in ("storeys", "rooms"):
         plan.refused.add(str(item.get("name")))
-    storey, place = item.get("storey"), None
+    storey, place = item["storey"] if isinstance(item.get("storey"), str) else None, None
     for shape in ("segment", "polygon", "lower_edge"):
         with suppress(Exception):  # what is wrong with the shape is told already
             given = item[shape]
-            x, y = np.mean(
-                shapely.get_coordinates(from_wkt(given)) if isinstance(given, str) else given, axis=0
-            ).tolist()
-            place = (x, y)
+            x, y = np.mean(shapely.get_coordinates(from_wkt(given)) if isinstance(given, str) else given, axis=0)
+            place = (float(x), float(y))
     known = list(inspect.signature(getattr(plan, section.removesuffix("s"))).parameters)
     right = {one: value for one, value in item.items() if one in known}
     trials = [
         ({**right, close: item[wrong]}, f"{close} = {toml_value(item[wrong])}\nremove {wrong}")
-        for wrong in item
-        if wrong not in known
+        for wrong in item.keys() - right.keys()
         for close in difflib.get_close_matches(wrong, known, 1, 0.5)
     ]
     trials += [({one: item[one] for one in item if one != wrong}, f"remove {wrong}") for wrong in item]
@@ -119,8 +116,8 @@ def _error(plan: Plan, section: str, index: int, item: Any, folder: Path, text: 
         vars(trial).update({name: copy.copy(value) for name, value in vars(plan).items()})
         with suppress(BuildingError):
             _add(trial, section, index, row, folder)
-            return Finding("error", text, storey if isinstance(storey, str) else None, place, key, remedy)
-    return Finding("error", text, storey if isinstance(storey, str) else None, place, key, "remove it")
+            return Finding("error", text, storey, place, key, remedy)
+    return Finding("error", text, storey, place, key, "remove it")
 
 
 def table_of(plan: Plan) -> dict[str, Any]:
