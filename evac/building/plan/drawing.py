@@ -23,6 +23,7 @@ from evac.building.plan.outlines import (
     between_rooms,
     covered,
     distinct,
+    middle_of,
     nearest,
     normal,
     noting,
@@ -32,7 +33,7 @@ from evac.building.plan.outlines import (
     written,
 )
 from evac.building.plan.plan import Item, Stair, Storey
-from evac.building.plan.rooms import check_storey, expanded, key_of, middle_of
+from evac.building.plan.rooms import check_storey, expanded, key_of
 from evac.building.surface.surfacemesh import Height, SurfaceMesh
 
 if TYPE_CHECKING:
@@ -126,12 +127,8 @@ class Drawing:
 
     def _noting(self, section: str, item: Item) -> AbstractContextManager[None]:
         """Collect what is wrong with an item."""
-        what, place = f"{section.removesuffix('s')} {item.name!r}", None
-        if item.segment is not None:
-            place = middle_of(item.segment)
-        elif item.polygons:
-            place = place_of(item.polygons[0])
-        return noting(self.errors, what, key_of(section, item), item.storey, place)
+        at = item.segment if item.segment is not None else item.polygons[0] if item.polygons else None
+        return noting(self.errors, f"{section.removesuffix('s')} {item.name!r}", key_of(section, item), item.storey, at)
 
     def _is_on_storey(self, section: str, item: Item) -> bool:
         with self._noting(section, item):
@@ -312,8 +309,8 @@ class Drawing:
                 self.pieces.pop(stair.name, None)
 
     def _noting_stair(self, stair: Stair) -> AbstractContextManager[None]:
-        what, place = f"stair {stair.name!r}", middle_of(stair.lower_edge)
-        return noting(self.errors, what, key_of("stairs", stair), stair.lower, place)
+        what = f"stair {stair.name!r}"
+        return noting(self.errors, what, key_of("stairs", stair), stair.lower, stair.lower_edge)
 
     def _stair_pieces(self, stair: Stair) -> tuple[list[stairs.Piece], FloatArray, list[FloatArray]]:
         """Return the pieces of a stair, its upper edge, and the directions from both its ends into their floors."""

@@ -19,7 +19,6 @@ from evac.building.geometry import (
     GRID,
     LEAST_AREA,
     between_floors,
-    cut,
     flat_parts,
     gaps_along,
     pieces_along,
@@ -52,13 +51,20 @@ def naming_part(source: Path, part: str) -> Iterator[None]:
 
 @contextmanager
 def noting(
-    errors: list[Finding], what: str, item: str, storey: str | None = None, place: tuple[float, float] | None = None
+    errors: list[Finding], what: str, item: str, storey: str | None = None, at: BaseGeometry | FloatArray | None = None
 ) -> Iterator[None]:
-    """Collect a ValueError as an error about an item of a plan."""
+    """Collect a ValueError as an error about an item of a plan, at a shape or in the middle of a segment."""
     try:
         yield
     except ValueError as error:
+        place = None if at is None else middle_of(at) if isinstance(at, np.ndarray) else place_of(at)
         errors.append(Finding("error", f"{what}: {error}", storey, place, item))
+
+
+def middle_of(segment: FloatArray) -> tuple[float, float]:
+    """Return the middle of a segment (2, 2), or the mean of some corners."""
+    x, y = segment.mean(axis=0).tolist()
+    return x, y
 
 
 def geometries(given: Shape) -> Iterator[BaseGeometry]:
@@ -352,10 +358,13 @@ def with_walls(rooms: Sequence[BaseGeometry], thickness: float) -> list[BaseGeom
     shared, pair = shapely.get_parts(shapely.intersection(outlines[one], outlines[other]), return_index=True)
     is_line = shapely.get_type_id(shared) == shapely.GeometryType.LINESTRING
     lines, walls = np.tile(shared[is_line], 2), np.concatenate([one[pair[is_line]], other[pair[is_line]]])
-    divided = [*rooms]
-    for row in np.unique(walls).tolist():
-        between = shapely.line_merge(shapely.union_all(lines[walls == row]))
-        divided[row] = cut(rooms[row], between.buffer(thickness / 2, cap_style="square", join_style="mitre"))
+    order = np.argsort(walls, kind="stable")
+    beside, index = np.unique(walls, return_inverse=True)
+    between = shapely.line_merge(shapely.multilinestrings(lines[order], indices=index[order]))
+    between = shapely.buffer(between, thickness / 2, cap_style="square", join_style="mitre")
+    divided = np.array(rooms, dtype=object)
+    cuts = shapely.difference(divided[beside], between, grid_size=GRID)
+    divided[beside] = [flat_parts(room) for room in cuts]
     return [room for room in divided if not room.is_empty]
 
 

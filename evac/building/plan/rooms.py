@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.parameters import did_you_mean
-from evac.building.geometry import GRID, flat_parts, place_of, segment_lengths, sides
+from evac.building.geometry import GRID, flat_parts, segment_lengths, sides
 from evac.building.model.findings import Finding
 from evac.building.plan.outlines import along, noting
 from evac.building.plan.plan import Item, Plan, Room, Shaft, Stair, Storey, Tie
@@ -34,7 +34,7 @@ def expanded(plan: Plan, errors: list[Finding]) -> Plan:
             order[name] = _originals(plan, name)
     declared = {*plan.storeys, *plan.refused}
     for room in plan.rooms:
-        with noting(errors, f"room {room.name!r}", f"rooms.{room.name}", None, place_of(room.outline)):
+        with noting(errors, f"room {room.name!r}", f"rooms.{room.name}", None, room.outline):
             check_storey(declared, room.storey)
     rooms = {name: _rooms(plan, name, order[name]) for name in order}
     flat.rooms = [room for own in rooms.values() for room in own]
@@ -57,7 +57,7 @@ def expanded(plan: Plan, errors: list[Finding]) -> Plan:
     ]
     taken: dict[str, Item] = {}
     for area in flat.areas:
-        with noting(errors, f"area {area.name!r}", key_of("areas", area), area.storey, place_of(area.polygons[0])):
+        with noting(errors, f"area {area.name!r}", key_of("areas", area), area.storey, area.polygons[0]):
             if taken.setdefault(area.name, area) is not area:
                 raise ValueError("another area or room has the same name; rename one")
     flat.areas, flat.storeys, flat.stairs = [*taken.values()], {}, [*plan.stairs]
@@ -65,7 +65,7 @@ def expanded(plan: Plan, errors: list[Finding]) -> Plan:
         with noting(errors, f"storey {name!r}", f"storeys.{name}", name):
             flat.storeys[name] = _storey(plan, name, order[name], rooms[name])
     for shaft in plan.shafts:
-        with noting(errors, f"shaft {shaft.name!r}", f"shafts.{shaft.name}", None, middle_of(shaft.lower_edge)):
+        with noting(errors, f"shaft {shaft.name!r}", f"shafts.{shaft.name}", None, shaft.lower_edge):
             flat.stairs += _stairs(plan, shaft)
     return flat
 
@@ -79,12 +79,6 @@ def check_storey(storeys: Collection[str], name: str) -> None:
     """Refuse the name of a storey that a plan does not have."""
     if name not in storeys:
         raise ValueError(f"no storey is named {name!r}; {did_you_mean(name, list(storeys))}")
-
-
-def middle_of(segment: FloatArray) -> tuple[float, float]:
-    """Return the middle of a segment (2, 2), or the mean of some corners."""
-    x, y = segment.mean(axis=0).tolist()
-    return x, y
 
 
 def _originals(plan: Plan, name: str) -> list[str]:
@@ -128,8 +122,8 @@ def _tied(plan: Plan, section: str, item: Item, rooms: Mapping[str, list[Room]],
     if item.tie is None:
         return item
     known = {room.name: room.outline for room in rooms.get(item.storey, ())}
-    place = next((place_of(known[name]) for name in item.tie.rooms if name in known), None)
-    with noting(errors, f"{section.removesuffix('s')} {item.name!r}", key_of(section, item), item.storey, place):
+    at = next((known[name] for name in item.tie.rooms if name in known), None)
+    with noting(errors, f"{section.removesuffix('s')} {item.name!r}", key_of(section, item), item.storey, at):
         check_storey({*plan.storeys, *plan.refused}, item.storey)
         if item.storey not in rooms or plan.refused.intersection(item.tie.rooms):  # which have errors of their own
             return None
