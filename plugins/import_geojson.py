@@ -22,6 +22,7 @@ from evac.building.plan.outlines import distinct, geometries, with_walls
 from evac.building.plan.plan import Plan
 from evac.building.recover.indoormaps import (
     BESIDE,
+    OSM,
     PROFILES,
     MapDoor,
     Steps,
@@ -34,6 +35,7 @@ from evac.building.recover.indoormaps import (
     read_map,
 )
 from evac.building.recover.linework import LEAST_ROOM, door_sides, leads_out
+from evac.building.recover.openstreetmap import features_of
 
 #: Values of the property ``kind`` of a feature.
 KINDS = ("storey", "area", "obstacle", "exit", "door", "opening")
@@ -60,11 +62,11 @@ class GeojsonImporter(Importer):
     """GeoJSON (.geojson, .json): features with the properties `kind`, `name`, `storey` (or `level`) and `z`.
 
     Without `kind`, polygons are the ground of their storey and lines are exits. Indoor maps of IMDF (also as .zip),
-    OpenStreetMap and wrld3d are read by their own properties, and so is a building that evac has exported.
+    OpenStreetMap (also as .osm) and wrld3d are read by their own properties, and so is an export of evac.
     """
 
     name = "geojson"
-    suffixes = (".geojson", ".json", ".zip")
+    suffixes = (".geojson", ".json", ".zip", ".osm")
 
     storey = Parameter("floor", "name of the storey of features without storey")
     z = Parameter(0.0, "height of the lowest storey without z", unit="m")
@@ -76,14 +78,15 @@ class GeojsonImporter(Importer):
     def read(self, path: Path) -> Plan:
         """Read the features; raise ValueError if the file is not GeoJSON."""
         try:
-            documents = [json.loads(text) for text in _texts(path)]
+            is_xml = path.suffix.lower() == ".osm"
+            documents = [features_of(text) if is_xml else json.loads(text) for text in _texts(path)]
         except (json.JSONDecodeError, RecursionError) as error:
             raise ValueError(f"invalid JSON: {error}") from error
         if len(documents) == 1 and _are_exported(documents[0]):
             return _plan_of_features(documents[0]["features"], path)
         objects = [item for document in documents for item in _objects(document)]
         names = {name for item in objects for name in _properties(item)}
-        profile = "" if "kind" in names else profile_of(names)
+        profile = OSM if is_xml else "" if "kind" in names else profile_of(names)
         if not profile and names and not {name.lower() for name in names} & (KNOWN | LABELS):
             raise BuildingError(
                 f"{path}: features have the properties {', '.join(sorted(names)[:12])}, which are not those of evac "
@@ -103,7 +106,7 @@ class GeojsonImporter(Importer):
         if solid:
             text = f"{len(solid)} polygons that rise above the ground (height, base_height) are obstacles"
             plan.note("assumed", f"{text}, such as feature {features[solid[0]].number}")
-        place = self._placing(plan, [feature.shape for feature in features])
+        place = self._placing(plan, [feature.shape for feature in features], are_degrees=is_xml)
         features = [replace(feature, shape=place(feature.shape)) for feature in features]
         if profile:
             plan.note("found", f"an indoor map of {profile}")
@@ -216,12 +219,15 @@ class GeojsonImporter(Importer):
             plan.door(label, storey.name, ends, outside=outside)
             plan.note("found", f"{'door' if sides == 2 else outside} {label!r}", storey.name, place)
 
-    def _placing(self, plan: Plan, shapes: list[BaseGeometry]) -> Callable[[BaseGeometry], BaseGeometry]:
+    def _placing(
+        self, plan: Plan, shapes: list[BaseGeometry], *, are_degrees: bool
+    ) -> Callable[[BaseGeometry], BaseGeometry]:
         """Return the function that converts coordinates of the file to metres."""
         corners = shapely.get_coordinates(shapes)
         low, high = corners.min(axis=0), corners.max(axis=0)
         is_small = bool((high - low).max() < MOST_DEGREES and np.abs(corners).max() <= 180.0)
-        if self.coordinates == "plane" or (self.coordinates == "auto" and not (is_small and self.unit == 1.0)):
+        is_plane = not (are_degrees or (is_small and self.unit == 1.0))
+        if self.coordinates == "plane" or (self.coordinates == "auto" and is_plane):
             return lambda shape: shapely.transform(shape, lambda xy: self.unit * xy)
         metres = _metres_per_degree(math.radians(0.5 * (low[1] + high[1])))
         text = f"coordinates are longitude and latitude with the origin {low[0]:.7f}, {low[1]:.7f} (coordinates)"

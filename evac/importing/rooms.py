@@ -30,8 +30,8 @@ LOOKS = (0.1, 0.3, 0.5, 0.7, 0.9)
 FULL = 3.0
 #: Share of the walkable ground that may have no way out, such as a closet without a door.
 NEGLIGIBLE = 0.02
-#: Least share of the ground of a room that is not an enclosure of stairs, in which nobody starts.
-OUTSIDE = 0.3
+#: Share of the ground of a room in enclosures of stairs from which on nobody starts in it.
+STAIRWELL = 0.7
 #: Number of levels that are named.
 MOST_NAMED = 10
 
@@ -138,12 +138,12 @@ def fill(
     """
     open_levels = levels_reaching(building, building.exits) if building.exits else set(range(len(building.levels)))
     enclosures = {index: left_out(building, building.levels[index]).enclosures for index in open_levels}
-    outside = {area.name: area.polygon.difference(enclosures.get(area.level)).area for area in building.areas}
-    used = [
-        room
-        for room in rooms
-        if room.level in open_levels and outside.get(room.name, room.ground) > OUTSIDE * room.ground
-    ]
+    stairwells = {
+        area.name
+        for area in building.areas
+        if area.level in enclosures and (area.polygon & enclosures[area.level]).area > STAIRWELL * area.polygon.area
+    }
+    used = [room for room in rooms if room.level in open_levels and room.name not in stairwells]
     closed = [replace(room, number=0) for room in rooms if room not in used]
     if people is None:
         held = {(room.key, room.name): max(density * room.ground, 1.0) for room in used}

@@ -140,3 +140,56 @@ def test_a_map_with_nothing_to_walk_in_is_refused(tmp_path):
     (tmp_path / "a.geojson").write_text(collection(feature(box(0, 0, 9, 9), indoor="level", level="0")))
     with pytest.raises(BuildingError, match="no room, corridor or unit"):
         read_building(tmp_path / "a.geojson")
+
+
+def test_openstreetmap_xml(tmp_path):
+    corners = [(0, 0), (20, 0), (20, 4), (0, 4), (5, 4), (0, 2), (0, 10), (10, 10), (10, 4), (1, 5), (2, 5), (2, 6)]
+    more = {5: ("door", "hinged", "level", "0", "width", "80 cm"), 6: ("entrance", "main")}
+    lines = []
+    for number, (x, y) in enumerate(corners, start=1):
+        own = more.get(number, ())
+        tags = "".join(f"<tag k='{k}' v='{v}'/>" for k, v in zip(own[::2], own[1::2], strict=True))
+        lines.append(f"<node id='{number}' lon='{x / DEGREE}' lat='{y / DEGREE}'>{tags}</node>")
+    ways = {1: [1, 2, 3, 9, 5, 4, 6, 1], 2: [4, 5, 9, 8, 7, 4], 3: [10, 11, 12, 10], 4: [1, 99]}
+    for number, refs in ways.items():
+        tags = "<tag k='indoor' v='corridor'/><tag k='level' v='0'/>" if number == 1 else ""
+        lines.append(f"<way id='{number}'>{''.join(f'<nd ref={chr(39)}{ref}{chr(39)}/>' for ref in refs)}{tags}</way>")
+    lines.append(
+        "<relation id='1'><member type='way' ref='2' role='outer'/><member type='way' ref='3' role='inner'/>"
+        "<tag k='type' v='multipolygon'/><tag k='indoor' v='room'/><tag k='level' v='0'/></relation>"
+        "<node id='90' action='delete' lat='0' lon='1'><tag k='entrance' v='yes'/></node>"
+    )
+    (tmp_path / "a.osm").write_text(f"<osm version='0.6'>{''.join(lines)}</osm>")
+    building = read_building(tmp_path / "a.osm")
+    assert [door.width for door in building.doors] == [pytest.approx(0.8, abs=0.01)]
+    assert [way.width for way in building.exits] == [pytest.approx(1.0, abs=0.01)]
+    whole = 20 * 4 + 10 * 6 - 0.5 - 0.1 * 10 + 0.1 * 0.8  # with a triangle and a wall, which the door opens
+    assert ground(building, "0") == pytest.approx(whole * 1.00674, abs=0.02)  # of degrees at the equator
+    (tmp_path / "a.osm").write_text("<gpx/>")
+    with pytest.raises(BuildingError, match="not OpenStreetMap XML"):
+        read_building(tmp_path / "a.osm")
+
+
+def test_a_stairwell_with_doors_has_a_stair_that_turns_and_the_door_of_a_lift_is_no_exit(tmp_path):
+    features = []
+    for ordinal in (0, 1):
+        level = f"l{ordinal}"
+        units = {
+            "walkway": box(0, 0, 12, 3),
+            "stairs": box(0, 3, 3, 8.5),
+            "elevator": box(3, 3, 5, 5),
+            "room": box(5, 3, 12, 8),
+        }
+        features.append(feature(box(0, 0, 12, 9), id=level, feature_type="level", ordinal=ordinal, name={"en": level}))
+        for category, shape in units.items():
+            features.append(feature(shape, id=level + category, feature_type="unit", category=category, level_id=level))
+        for x, y, category in ((1, 3, ""), (3.5, 3, ""), (6, 3, ""), (11, 0, "pedestrian.principal")):
+            own = {"category": category or "pedestrian", "level_id": level}
+            if not (category and ordinal):
+                line = LineString([(x, y), (x + 0.9, y)])
+                features.append(feature(line, id=f"{level}{x}", feature_type="opening", **own))
+    (tmp_path / "a.geojson").write_text(collection(*features))
+    building = read_building(tmp_path / "a.geojson")
+    assert [level.kind for level in building.levels if level.stair] == ["flight", "landing", "flight"]
+    assert [way.width for way in building.exits] == [pytest.approx(0.9, abs=0.01)]
+    assert any("a door to a lift" in one.text for one in building.findings)

@@ -44,9 +44,10 @@ LONGEST_NAME = 30
 #: Most levels of one feature.
 MOST_LEVELS = 300
 #: Properties by which the profiles are known.
+OSM = "OpenStreetMap indoor"
 PROFILES = {
     "IMDF": ("level_id", "ordinal"),
-    "OpenStreetMap indoor": ("indoor", "building:levels:underground", "buildingpart"),
+    OSM: ("indoor", "building:levels:underground", "buildingpart"),
     "wrld3d": ("roomnumber",),
 }
 
@@ -134,7 +135,7 @@ def read_map(
         what = _category(profile, own)
         on = _levels(own, names) if profile != "wrld3d" else ["floor"]
         if not what:
-            nowhere.append(("a feature that is no room, way, door, wall or stair", shape))
+            nowhere.append((f"no floor, door or stair: {_kind(own)}", shape))
             continue
         if shape.is_empty or (what == "steps" and len(on) > 1 and shape.length < LEAST_STEPS):
             nowhere.append((f"{what} {_text(own.get('name'))!r} without a length", shape))
@@ -199,6 +200,18 @@ def _category(profile: str, own: Mapping[str, Any]) -> str:
     if not indoor or indoor == "level" or room in CLOSED:
         return ""
     return "solid" if indoor == "wall" else "" if indoor in CLOSED else "way" if indoor in WAYS else "room"
+
+
+def _kind(own: Mapping[str, Any]) -> str:
+    """Return what a feature that is not read says that it is, for the account."""
+    kind = own.get("feature_type")
+    keys = [
+        key
+        for key in ("category", "indoor", "room", "highway", "building", "amenity", "natural", "type")
+        if own.get(key)
+    ]
+    keys = keys or [key for key in own if not key.startswith(("@", "addr"))] or ["no property"]
+    return " ".join([*([str(kind)] if kind else []), f"{keys[0]}={_text(own.get(keys[0]))[:LONGEST_NAME]}"])
 
 
 def _add(storey: Storey, what: str, own: Mapping[str, Any], shape: BaseGeometry) -> None:
@@ -326,16 +339,24 @@ def door_at(place: BaseGeometry, width: float, spaces: Sequence[BaseGeometry]) -
         ends = shapely.get_coordinates(place)[[0, -1]]
         return ends if np.hypot(*(ends[1] - ends[0])) > 0.3 else None
     middle = place.centroid
-    lines = np.array([side for part in spaces for ring in shapely.get_parts(part.boundary) for side in lines_of(ring)])
+    rings = [ring for part in spaces for ring in shapely.get_parts(part.boundary)]
+    lines = np.array([side for ring in rings for side in _long_sides(ring)])
     apart = shapely.distance(lines, middle)
     if not len(lines) or apart.min() > NEAR:
         return None
-    near = lines[apart <= apart.min() + SAME]
-    a, b = shapely.get_coordinates(near[np.argmax(shapely.length(near))])
+    near = sorted(lines[apart <= apart.min() + SAME], key=shapely.length)
+    a, b = shapely.get_coordinates(next((side for side in near if 0.9 * side.length > width), near[-1]))
     length = float(np.hypot(*(b - a)))
     half = min(width, 0.9 * length) / 2.0
     at = float(np.clip(shapely.line_locate_point(shapely.LineString([a, b]), middle), half, length - half))
     return np.stack([a + (at - half) * (b - a) / length, a + (at + half) * (b - a) / length])
+
+
+def _long_sides(ring: BaseGeometry) -> list[BaseGeometry]:
+    """Return the sides of a ring between its corners, without corners on straight sides."""
+    corners = shapely.get_coordinates(ring)[:-1]
+    first = int(np.argmax(np.hypot(*(corners - corners.mean(axis=0)).T)))  # is no corner on a side
+    return lines_of(shapely.linearrings(np.roll(corners, -first, axis=0)).simplify(SAME))
 
 
 def at_wall(ends: FloatArray, floor: BaseGeometry, *, leads_out: bool) -> FloatArray:

@@ -189,29 +189,24 @@ def osm(seed, folder):
     elements, loose, _ = _elements(truth, rng)
     nodes, ways = {}, []
 
-    def node(point):
-        key = tuple(round(float(c), 9) for c in _degrees(truth.placed(Point(point))).coords[0])
+    def node(point, level=""):
+        key = (*(round(float(c), 9) for c in _degrees(truth.placed(Point(point))).coords[0]), level)
         return nodes.setdefault(key, [-len(nodes) - 1 if seed % 2 else 1000 + len(nodes), {}])
 
     doors = [(shape, tags) for shape, tags in elements if isinstance(shape, Point)]
     for shape, tags in doors:
-        node(shape.coords[0])[1].update(tags)
+        node(shape.coords[0], tags.get("level", ""))[1].update(tags)
     for shape, tags in elements:
         if isinstance(shape, Point):
             continue
         line = shape.exterior if isinstance(shape, Polygon) else shape
-        points = [*line.coords]
-        if isinstance(shape, Polygon):
-            for door, _ in doors:
-                if "indoor" in tags and line.distance(door) < 1e-6:
-                    at = line.project(door)
-                    after = next(
-                        i for i, p in enumerate(points) if (i and line.project(Point(p)) > at) or i == len(points) - 1
-                    )
-                    points.insert(after, door.coords[0])
-                    line = LineString(points)
-        ways.append((len(ways) + 1, [node(point)[0] for point in points], tags))
-    lons, lats = zip(*nodes, strict=True)
+        refs = [(line.project(Point(p)), node(p)[0]) for p in line.coords[: -1 if line.is_ring else None]]
+        for door, own in doors if isinstance(shape, Polygon) and "indoor" in tags else ():
+            if line.distance(door) < 1e-6 and own.get("level") == tags["level"]:
+                refs.append((line.project(door), node(door.coords[0], own["level"])[0]))
+        numbers = [ref for _, ref in sorted(refs)]
+        ways.append((len(ways) + 1, [*numbers, numbers[0]] if line.is_ring else numbers, tags))
+    lons, lats, _ = zip(*nodes, strict=True)
     lines = ["<?xml version='1.0' encoding='UTF-8'?>", "<osm version='0.6' generator='JOSM'>", "  <!-- exported -->"]
     lines.append(f"  <bounds minlat='{min(lats)}' minlon='{min(lons)}' maxlat='{max(lats)}' maxlon='{max(lons)}'/>")
 
@@ -219,7 +214,7 @@ def osm(seed, folder):
         texts = [*inner, *(f"    <tag k={quoteattr(k)} v={quoteattr(v)}/>" for k, v in tags.items())]
         return [f"  <{head}>", *texts, f"  </{head.split()[0]}>"] if texts else [f"  <{head}/>"]
 
-    for (lon, lat), (number, tags) in nodes.items():
+    for (lon, lat, _), (number, tags) in nodes.items():
         lines += tagged(f"node id='{number}' version='1' visible='true' lat='{lat:.9f}' lon='{lon:.9f}'", tags)
     for number, refs, tags in ways:
         lines += tagged(f"way id='{number}' version='3'", tags, [f"    <nd ref='{ref}'/>" for ref in refs])
