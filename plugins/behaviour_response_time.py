@@ -34,6 +34,8 @@ class ResponseTime(Behaviour):
     gets: an alarm at the place of the person (an event of kind "alarm"), people who walk within ``sees`` on the same
     level and are not hidden by walls, or a field, such as smoke, that has reached its threshold at the person.
 
+    People who start in a place of a phase of the case (`[[phase]]`) wait for its alarm, whatever ``begin`` is.
+
     People who arrive through an exit or a portal walk on at once, so that they do not block it, unless their group has
     a ``time`` or ``begin`` of its own, which then counts from the arrival.
 
@@ -89,6 +91,8 @@ class ResponseTime(Behaviour):
         for group in scene.groups:
             if self._begin_of(group) == "cue":
                 scene.crowd.start_time[group.rows] = np.inf
+        for place in scene.alarmed:
+            scene.crowd.start_time[scene.people_in(place)] = np.inf
 
     def act(self, crowd: Crowd, time: float) -> None:
         """Let people who get a cue start after their response time, and those who are alarmed earlier."""
@@ -138,12 +142,12 @@ class ResponseTime(Behaviour):
 
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if everybody starts immediately."""
-        has_cues = any(self._begin_of(group) == "cue" for group in scene.groups)
+        has_cues = bool(scene.alarmed) or any(self._begin_of(group) == "cue" for group in scene.groups)
         return has_cues or any(distribution.support() != (0.0, 0.0) for _, distribution, _ in self._draws(scene))
 
     def acts_at_ticks(self) -> bool:
         """Return False if response times count from the start: `prepare` does all the work, but for alarms."""
-        return any(self._begin_of(group) == "cue" for group in self._scene.groups)
+        return bool(self._scene.alarmed) or any(self._begin_of(group) == "cue" for group in self._scene.groups)
 
     def _draws(self, scene: BehaviourScene) -> Iterator[tuple[str, Distribution, IntArray]]:
         """Yield the key, the distribution and the people of the common distribution and of those of groups."""

@@ -24,6 +24,7 @@ from evac.case.schema import (
     LineSettings,
     OutputSettings,
     PeopleSettings,
+    PhaseSettings,
     PlaceSettings,
     PluginSettings,
     ReportSettings,
@@ -69,6 +70,9 @@ class Case(Table):
     )
     event: tuple[EventSettings, ...] = key(
         "what changes during the run: a table [[event]] for each", "", (), max_length=MOST_ITEMS
+    )
+    phase: tuple[PhaseSettings, ...] = key(
+        "parts of the building with alarms of their own: a table [[phase]] for each", "", (), max_length=MOST_ITEMS
     )
     conditions: tuple[ConditionSettings, ...] = key(
         "smoke, gases and heat: a table [[conditions]] for each source", "", (), max_length=MOST_ITEMS
@@ -122,6 +126,11 @@ class Case(Table):
         if self.compartment and self.safety is None:
             raise wrong("safety", "missing; [[compartment]] needs a table [safety], for example with factor = 1.5")
         return self
+
+    @property
+    def events(self) -> tuple[EventSettings, ...]:
+        """The events, and the alarms of the phases."""
+        return (*self.event, *(alarm for phase in self.phase for alarm in phase.alarms))
 
     @property
     def source(self) -> Path:

@@ -196,8 +196,10 @@ def _files(draft: Draft) -> Iterator[Fault]:
 
 def _unique_names(draft: Draft) -> Iterator[Fault]:
     """Check that no two groups, places, lines or events have the same name."""
-    for kind, word in (("people", "groups"), ("place", "places"), ("line", "lines"), ("event", "events")):
-        seen = set[str]()
+    seen = set[str]()
+    kinds = ("people", "groups"), ("place", "places"), ("line", "lines"), ("event", "events"), ("phase", "phases")
+    for kind, word in kinds:
+        seen = seen if kind == "phase" else set()  # names of phases are those of events
         for index, table in enumerate(map(_table, _list(draft.content.get(kind)))):
             if isinstance(name := table.get("name"), str):
                 if name in seen:
@@ -240,7 +242,7 @@ def _events(draft: Draft) -> Iterator[Fault]:
     """Check what events refer to: others, groups and behaviours of the case."""
     if (case := draft.case) is None:
         return
-    names, groups = [one.name for one in case.event], [group.name for group in case.people]
+    names, groups = [one.name for one in case.events], [group.name for group in case.people]
     hears_alarms = _has_behaviour(draft, "hears_alarms")
     for index, one in enumerate(case.event):
         key: Key = ("event", index)
@@ -262,9 +264,24 @@ def _events(draft: Draft) -> Iterator[Fault]:
             known = [name for name in names if name is not None and name != one.name]
             text = f"there is no other event {other!r}; {did_you_mean(other, known)}"
             yield Fault((*key, "when", "event"), text)
-        elif other is not None and one.name in (circle := _followed(case.event, one)):
+        elif other is not None and one.name in (circle := _followed(case.events, one)):
             text = f"the events {', '.join(circle)} wait for each other; give one of them a time or another condition"
             yield Fault((*key, "when", "event"), text)
+
+
+def _phases(draft: Draft) -> Iterator[Fault]:
+    """Check that a behaviour acts on the alarms of phases, and that their cues exist."""
+    for index, phase in enumerate(() if draft.case is None else draft.case.phase):
+        if not _has_behaviour(draft, "hears_alarms"):
+            text = "no behaviour of the case acts on an alarm; add one, such as [behaviours.response_time]"
+            yield Fault(("phase", index, "name"), text)
+        events = () if draft.case is None else draft.case.events
+        known = [one.name for one in events if one.name not in (None, phase.name)]
+        if phase.cue is not None and phase.cue not in known:
+            hint = did_you_mean(phase.cue, [str(name) for name in known])
+            yield Fault(("phase", index, "cue"), f"there is no other event or phase {phase.cue!r}; {hint}")
+        elif phase.name in (circle := _followed(events, phase.alarms[0])):
+            yield Fault(("phase", index, "cue"), f"{', '.join(circle)} wait for each other; give one of them no cue")
 
 
 def _followed(events: tuple[EventSettings, ...], one: EventSettings) -> list[str]:
@@ -297,5 +314,5 @@ def _states(draft: Draft) -> Iterator[Fault]:
 #: The checks of a case in the order in which their faults are told.
 CHECKS: tuple[Callable[[Draft], Iterator[Fault]], ...] = (
     *(_presets, _contact, _conditions, _smoke, _plugins, _settings_of_groups),
-    *(_files, _unique_names, _places, _events, _states),
+    *(_files, _unique_names, _places, _events, _phases, _states),
 )

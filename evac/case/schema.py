@@ -568,6 +568,25 @@ class EventSettings(Table):
         return {} if self.value is None else {"value": self.value}
 
 
+class PhaseSettings(Table):
+    """`[[phase]]`: people who start in some places respond to an alarm of their own."""
+
+    name: Name = key("name of the phase, by which other phases and events refer to it")
+    of: tuple[str, ...] = key("names of its levels, stairs, shafts, areas or groups", "", min_length=1)
+    delay: Real = key("time from the cue to the alarm of the phase", "s", 0.0, ge=0, le=LONGEST_RUN)
+    cue: Name | None = key("name of an event or another phase; if not given, the start of the run", "", None)
+
+    @property
+    def alarms(self) -> tuple[EventSettings, ...]:
+        """Its alarms, one for each place; the first has the name of the phase."""
+        when = None if self.cue is None else WhenSettings(event=self.cue, after=self.delay)
+        time, names = (self.delay if when is None else None), (self.name, *(None for _ in self.of[1:]))
+        return tuple(
+            EventSettings(name=name, time=time, when=when, kind="alarm", target=place)
+            for name, place in zip(names, self.of, strict=True)
+        )
+
+
 #: Greatest value of a quantity of the air, whatever its unit.
 MOST_VALUE = 1e6
 

@@ -426,7 +426,7 @@ def show_course(case: "Case") -> None:
             event.target,
             "" if event.value is None else toml_value(event.value),
         )
-        for event in case.event
+        for event in case.events
     ]
     show_table("Events", ("event", "time or condition", "kind", "target", "value"), events)
 

@@ -237,6 +237,13 @@ def show_results(results: "Results") -> None:
         times = [[row[key] for key in keys] for row in judged(results.safety)]
         show_table("Available and required times", heads, times)
     _show_places(summary, results)
+    when = ("alarm", "first_start", "last_start", "last_out")
+    phases = []
+    for own in summary["phase"]:
+        clear = ", ".join(f"{floor} {time}" for floor, time in own["clear"].items())
+        phases.append((own["name"], own["people"], *(own[time] for time in when), clear))
+    titles = "phase", "people", "alarm [s]", "first starts [s]", "last starts [s]", "last out [s]", "floors clear [s]"
+    show_table("Phases", titles, phases)
     stuck = summary["stuck"]
     rows = [(own["person"], own["level"], round(own["x"], 2), round(own["y"], 2)) for own in stuck[:MOST_LISTED]]
     more = "" if len(stuck) <= MOST_LISTED else f", the first {MOST_LISTED} of {len(stuck)} (all in summary.json)"

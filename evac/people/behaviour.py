@@ -186,6 +186,8 @@ class BehaviourScene:
         The fields created with `level_field`.
     displacement_velocity : (n, 2) float64
         Displacement of each person in the last tick divided by the length of the tick, in plan [m/s]; read-only.
+    alarmed : tuple of str
+        Places of the phases of the case, in which people wait for the alarm of their phase.
     """
 
     def __init__(
@@ -198,7 +200,9 @@ class BehaviourScene:
         outside: "Outside | None" = None,
         folder: Path = Path(),
         displacement_velocity: FloatArray = NOBODY,
+        alarmed: tuple[str, ...] = (),
     ) -> None:
+        self.alarmed = alarmed
         self.crowd = crowd
         self.scene = scene
         self.groups = groups

@@ -10,6 +10,7 @@ from operator import itemgetter
 from typing import Any
 
 import numpy as np
+import shapely
 
 from evac.analysis.congestion import DENSITY, SHARE, Exceedance
 from evac.analysis.hydraulic import LABORATORY, DesignFlow, design_flows, hydraulic_time
@@ -22,10 +23,12 @@ from evac.base.errors import counted, in_order
 from evac.base.toml import case_text
 from evac.building.model.building import Building
 from evac.building.model.links import states_of
+from evac.people.starts import load_table
 from evac.pictures.scales import colouring
 from evac.report import figures
 from evac.report.pages import APPENDIX, Cell, Section, fixed, section
 from evac.results.answer import time_of_share
+from evac.results.phases import PhaseUse
 from evac.results.recordedcase import CaseTable, GroupTable
 from evac.results.results import Results
 from evac.results.verdict import BY, judged, least_margins
@@ -149,6 +152,7 @@ def occupants_section(case: CaseTable, run: Results | None) -> Section:
         "Occupants and assumptions",
         people=sum(_size(group, run) for group in case.people),
         groups=_groups(case, run),
+        uses=_uses(run),
         characteristics=_characteristics(case, run),
         is_drawn=run is not None,
         behaviours=[(name, as_text(values)) for name, values in enabled.items()],
@@ -176,6 +180,24 @@ def _groups(case: CaseTable, run: Results | None) -> list[tuple[object, ...]]:
         return group.name, _size(group, run), _start(group), density, ways, group.strategy
 
     return [row(group) for group in in_order(case.people)]
+
+
+def _uses(run: Results | None) -> list[tuple[object, ...]]:
+    """Return use, rooms, ground, people by the table of loads, people who start there, and source, of rooms by use."""
+    areas = [area for area in run.building_or_none.areas if area.use] if run and run.building_or_none else []
+    rows = list[tuple[object, ...]]()
+    for use in sorted({area.use for area in areas}):
+        own, load = [area for area in areas if area.use == use], load_table().get(use, {})
+        assert run is not None
+        there = [
+            shapely.intersects_xy(one.polygon, *run.start_position.T) & (run.start_level == one.level) for one in own
+        ]
+        ground, share = sum(one.polygon.area for one in own), load.get("ground")
+        people = ground / share if share else 0.0
+        starts = int(np.logical_or.reduce(there).sum())
+        numbers = fixed(ground, 1), fixed(share, 1), fixed(people, 0), str(starts)
+        rows.append((use, len(own), *numbers, load.get("source", "no load is known for this use")))
+    return rows
 
 
 def _size(group: GroupTable, run: Results | None) -> int:
@@ -272,10 +294,17 @@ def times_section(run: Results) -> Section:
             for share in SHARES
         ],
         groups=groups,
+        phases=[_phase(phase) for phase in run.phase],
         exits=in_order(exits, itemgetter(0)),
         others=run.number_by_other_exits,
         metrics=[(name, as_text(values)) for name, values in run.metrics.items()],
     )
+
+
+def _phase(phase: PhaseUse) -> tuple[object, ...]:
+    clear = ", ".join(f"{name} {fixed(time, 1) or 'not clear'}" for name, time in phase["clear"].items())
+    times = [phase["alarm"], phase["first_start"], phase["last_start"], phase["last_out"]]
+    return phase["name"], ", ".join(phase["of"]), str(phase["people"]), *(fixed(time, 1) for time in times), clear
 
 
 def _flow_rows(flows: Sequence[FlowUse]) -> list[tuple[object, ...]]:

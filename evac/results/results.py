@@ -37,6 +37,7 @@ from evac.folder.textfiles import Amount, Count, adapter, plain, write_csv, writ
 from evac.people.places import PeopleAt
 from evac.people.population import Group
 from evac.physics.state import Crowd
+from evac.results.phases import PhaseUse, phases_of
 from evac.results.quality import (
     chatter_warning,
     contact_warnings,
@@ -220,6 +221,10 @@ class Results:
     stairs: Mapping[str, StairUse]
     """The same of each stair, from storey to storey; with the index of each of its flights and landings (`pieces`)
     among all levels, and of each of the `portals` between these among all portals."""
+    phase: Sequence[PhaseUse] = ()
+    """For each phase of the case: its places (`of`), the `people` who started there, when its `alarm` sounded, when the
+    first and the last of them started to walk (`first_start`, `last_start`), when all of them were out (`last_out`),
+    and when each floor on which they started was `clear` of everybody [s] (null: it did not happen)."""
     doors: Sequence[DoorRow] = ()
     """Name, level and clear width [m] of each door between rooms that the building file names, as plans do."""
     routes: Annotated[Sequence[Route], Field(min_length=1)]
@@ -700,6 +705,7 @@ def results_of(
         *([crushing_warning(crushing, names, advised)] if crushing else []),
         *([density_warning(dense, names, advised)] if dense else []),
     ]
+    start = start_level, others["start_position"]
     passages = np.bincount(crossings[1], minlength=len(building.portals)).tolist()
     return Results(
         title=case.title,
@@ -721,6 +727,9 @@ def results_of(
         },
         levels=levels,
         stairs=stairs,
+        phase=phases_of(case.phase, building, crowd, others["groups"], start, others.get("changes", ()), moves)
+        if case.phase
+        else (),
         doors=[DoorRow(name=door.name, level=names[door.level], width=door.width) for door in building.doors],
         noticed=tuple(quality),
         advised=advised,

@@ -61,7 +61,10 @@ class Deciding(Saved):
         generator = generator_for(case.simulation.seed, "behaviour", behaviour.name)
         crowd, groups = crowd_for(behaviour, self._crowd), self._population.groups_for(behaviour.name)
         moved = self._displacement_velocity
-        return BehaviourScene(crowd, self._scene, groups, generator, case.simulation.tick, outside, case.folder, moved)
+        alarmed = tuple(place for phase in case.phase for place in phase.of)
+        return BehaviourScene(
+            crowd, self._scene, groups, generator, case.simulation.tick, outside, case.folder, moved, alarmed
+        )
 
     def prepare(self) -> None:
         """Call `prepare` of the behaviours."""

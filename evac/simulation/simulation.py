@@ -161,7 +161,7 @@ class Simulation(Saved):
             everywhere = partial(solve, anywhere=True)
             self.scene = Scene(shared_scene, self.population, self.places, everywhere, case.directions.quickest)
             with naming(case.source):
-                self.timetable = Timetable(case.event, self.scene)
+                self.timetable = Timetable(case.events, self.scene)
             self.exposure = assembly.make_exposure(case, self.scene, self.population)
             self.safety = assembly.make_safety(case, building, self.population, self.exposure)
             sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)

@@ -244,6 +244,48 @@ def test_an_alarm_shortens_the_response_times_of_those_in_its_place():
     assert results.crowd.start_time.tolist() == pytest.approx(expected.tolist())
 
 
+def test_phases_start_by_their_alarms_and_tell_when_their_floors_were_clear():
+    phases = [{"name": "second", "of": ["below"], "cue": "first", "delay": 6.0}, {"name": "first", "of": ["first"]}]
+    times = {"behaviours.response_time.time": {"uniform": [1.0, 3.0]}}
+    case = house(phase=phases, **times)
+    simulation = Simulation(case)
+    results = simulation.run()
+    assert [(change.time, change.what) for change in results.changes] == [(0.0, "first"), (6.0, "below")]
+    assert [phase["name"] for phase in results.phase] == ["second", "first"]
+    on = {"second": ("below", 0), "first": ("above", simulation.building.level_named("first").index)}
+    for phase, alarm in zip(results.phase, (6.0, 0.0), strict=True):
+        group, level = on[phase["name"]]
+        rows = next(one.rows for one in results.groups if one.name == group)
+        starts, out = results.crowd.start_time[rows], results.crowd.exit_time[rows]
+        assert ((starts >= alarm + 1.0) & (starts <= alarm + 3.0 + 1e-9)).all()
+        assert (phase["people"], phase["alarm"]) == (len(rows), alarm)
+        assert [phase[key] for key in ("first_start", "last_start", "last_out")] == [
+            starts.min(),
+            starts.max(),
+            out.max(),
+        ]
+        left = [time for source, time in zip(results.moves.source, results.moves.time, strict=True) if source == level]
+        assert list(phase["clear"].values()) == [max(left)]
+
+
+@pytest.mark.parametrize(
+    ("phases", "words"),
+    [
+        ([{"name": "a", "of": ["first"], "cue": "b"}], r"phase\.a\.cue.*'b'"),
+        (
+            [{"name": "a", "of": ["first"], "cue": "b"}, {"name": "b", "of": ["hall"], "cue": "a"}],
+            r"wait for each other",
+        ),
+        ([{"name": "a", "of": ["first"]}] * 2, r"phase\.1\.name.*two phases"),
+    ],
+)
+def test_phases_without_a_beginning_are_refused(phases, words):
+    with pytest.raises(ScenarioError, match=words):
+        house(phase=phases, **{"behaviours.response_time.time": 1.0})
+    with pytest.raises(ScenarioError, match=r"phase\.a\.name.*acts on an alarm"):
+        house(phase=[{"name": "a", "of": ["first"]}])
+
+
 @pytest.mark.parametrize(
     ("when", "is_true"),
     [
