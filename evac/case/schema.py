@@ -730,7 +730,9 @@ class CriteriaSettings(Table):
 class SafetySettings(CriteriaSettings):
     """`[safety]`: criteria of all compartments; without `[[compartment]]`, each storey and each stair is one."""
 
-    factor: Real = key("safety factor: the available time should be this many times the required one", "", 1.0, ge=1)
+    factor: Real = key(
+        "safety factor: the available time should be this many times the required one", "", 1.0, ge=1, le=100
+    )
     percentile: Real = key("percentile of the required times of the runs of a study", "%", 95.0, gt=0, lt=100)
 
 
