@@ -204,3 +204,12 @@ def test_a_change_of_a_stair_or_shaft_is_one_of_all_its_pieces():
         assert {mark.level for mark in marks_of(slow)} == pieces
         up = changed(building, Change(1.0, "one_way", name, {"value": "up"}))
         assert {link for link, _ in up.one_way} == closed
+
+
+def test_the_walls_of_a_room_are_no_missing_part_of_its_area():
+    plan = Plan()
+    plan.storey("ground", wall=0.3)
+    for k in range(3):
+        plan.room(f"{k}", "ground", box(2 * k, 0, 2 * k + 2, 2), use="office")
+    plan.exit("out", "ground", [(0, 0.5), (0, 1.5)])
+    assert not [one for one in plan.check() if "on the floor" in one.text]

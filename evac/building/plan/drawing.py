@@ -109,7 +109,7 @@ class Drawing:
             self.openings += [(item.storey, piece) for piece in self._outline(item, item.segment)]
         self.findings += [
             *_low_storeys(plan.storeys, self.floors, plan.headroom),
-            *_beside_floor(plan.areas, self.rooms),
+            *_beside_floor([item for item in plan.areas if not key_of("areas", item).startswith("rooms.")], self.rooms),
         ]
         surfaces: list[Drawn] = [*self._ground(), *(drawn for drawn in obstacles if drawn is not None)]
         for name, pieces in self.pieces.items():
