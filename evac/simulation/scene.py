@@ -90,7 +90,7 @@ class Scene(Saved):
         The people who have begun another way at this tick, on which progress counts anew.
     """
 
-    saved = ("time", "_journal", "quickest", "_is_in_smoke", "smoky", "_owned", "_in_barred")
+    saved = ("time", "_journal", "ways_version", "quickest", "_is_in_smoke", "smoky", "_owned", "_in_barred")
 
     def __init__(
         self,
@@ -261,7 +261,12 @@ class Scene(Saved):
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of times, texts and marks."""
         journal = Bounds(0, 255, shape=(None,))
-        return {"time": Bounds(0.0), "_journal": journal, "_in_barred": Bounds(OUTSIDE, ENTERED)}
+        return {
+            "time": Bounds(0.0),
+            "_journal": journal,
+            "ways_version": Bounds(0),
+            "_in_barred": Bounds(OUTSIDE, ENTERED),
+        }
 
     def _own_fields(self, fields: Fields) -> Fields:
         """Return fields for this scene alone: others if some of them follow the crowd."""
