@@ -184,13 +184,14 @@ class Exposure(Saved):
 
     def can_grow(self, time: float) -> bool:
         """Return whether doses of people inside who have not been stopped can grow at a time of the run [s]."""
-        if self._dose is None or time + self._case.simulation.tick > self.air.last:
+        breathing = (self._crowd.level >= 0) & ~self.stopped
+        if self._dose is None or not breathing.any() or time + self._case.simulation.tick > self.air.last:
             return False
-        return bool(self._growing().any()) or self.air.changes_after(time)
+        return bool((breathing & self._grows()).any()) or self.air.changes_after(time)
 
-    def _growing(self) -> BoolArray:
-        """Return whether each person is inside and takes a dose, (n,)."""
-        return (self._crowd.level >= 0) & ~self.stopped & (self._rates >= LEAST_RATE / MINUTE).any(axis=0)
+    def _grows(self) -> BoolArray:
+        """Return whether each person takes a dose where it is, (n,)."""
+        return np.asarray((self._rates >= LEAST_RATE / MINUTE).any(axis=0))
 
     def doses_at(self, time: float) -> FloatArray | None:
         """Return the doses of gases and of heat at a time [s], (2, n); None in a case without `[dose]`."""
@@ -270,7 +271,7 @@ class Exposure(Saved):
                 **{f"{kind}_above_{dose:g}": int((own >= dose).sum()) for kind, own in doses.items() for dose in TOLD},
                 **{f"greatest_{kind}": float(own.max(initial=0.0)) for kind, own in doses.items()},
                 "stopped": int((self.stopped & inside).sum()),
-                "growing": int(self._growing().sum()),
+                "growing": int((self._grows() & inside & ~self.stopped).sum()),
             }
         exposure = {
             **{f"{kind}_dose": own for kind, own in doses.items()},

@@ -58,14 +58,6 @@ class Compartment:
         own = whole if level in self.levels else _on(self.areas, level).intersection(whole)
         return own.difference(_on(self.without, level))
 
-    def has(self, level: IntArray, position: FloatArray) -> BoolArray:
-        """Return whether places (n,) are in it."""
-        inside = np.isin(level, list(self.levels))
-        for area in self.areas:
-            rows = np.flatnonzero((level == area.level) & ~inside)
-            inside[rows] = shapely.intersects_xy(area.polygon, *position[rows].T)
-        return inside
-
 
 def _on(areas: Iterable[Area], level: int) -> shapely.Geometry:
     """Return the polygon of all areas on a level."""
@@ -162,6 +154,12 @@ class Safety(Saved):
         self._reached = np.full((len(self._doses_to_reach), n), np.inf)
         self._of_compartments = np.full((number, 3), np.nan)  # least margin in each, person, time
         self._of_compartments[:, 0] = np.inf
+        numbers = range(len(building.levels))
+        self._on, self._on_stairs = (
+            np.array([[level in levels for level in numbers] for levels in of], np.bool_)
+            for of in ([one.levels for one in self.compartments], [one.stairs for one in self.compartments])
+        )
+        self._everybody = np.array([[one.everybody] for one in self.compartments])
         self._check_quantities()
         self._make_cells(building)
         self._read_air(float(crowd.height.mean()))
@@ -205,6 +203,7 @@ class Safety(Saved):
                 parts.append(shapely.area(shapely.intersection(boxes[own], one.floor(level, whole))))
         self._level, self._place = np.concatenate(level_of), np.concatenate(places)
         self._areas = np.array([np.concatenate(parts) for parts in areas])  # (compartments, cells) [m2]
+        shapely.prepare([area.polygon for one in self.compartments for area in one.areas])
 
     def _read_air(self, height: float) -> None:
         """Find when each limit is first exceeded in each cell (cells,) [s], and the doses (times, 2, cells) there."""
@@ -293,11 +292,13 @@ class Safety(Saved):
         """Look at the people at a time [s], with those who are at a safe place (n,) and the doses (2, n) of all."""
         crowd, inside = self._crowd, np.flatnonzero(self._crowd.level >= 0)
         level, position = crowd.level[inside], crowd.position[inside]
-        present, is_new = np.zeros(self.left.shape, np.bool_), ~self._seen[inside]
-        for k, one in enumerate(self.compartments):
-            here = one.has(level, position)
-            self._belongs[k, inside] |= here & (is_new | one.everybody)
-            present[k, inside] = here & (self._belongs[k, inside] | np.isin(level, list(one.stairs)))
+        present, here, is_new = np.zeros(self.left.shape, np.bool_), self._on[:, level], ~self._seen[inside]
+        for own, one in zip(here, self.compartments, strict=True):
+            for area in one.areas:
+                rows = np.flatnonzero(level == area.level)
+                own[rows] |= shapely.intersects_xy(area.polygon, *position[rows].T)
+        self._belongs[:, inside] |= here & (is_new | self._everybody)
+        present[:, inside] = here & (self._belongs[:, inside] | self._on_stairs[:, level])
         self._seen[inside] = True
         present &= self._leaves & ~arrived
         self.left[present] = np.inf
@@ -322,10 +323,11 @@ class Safety(Saved):
         margin = when - time
         less = margin < self.least[rows]
         self.least[rows[less]], self.least_at[rows[less]] = margin[less], time
-        for k, areas in enumerate(self._areas):
-            own = np.flatnonzero(areas[cells] > 0.0)
-            if len(own) and (least := own[np.argmin(margin[own])]) >= 0 and margin[least] < self._of_compartments[k, 0]:
-                self._of_compartments[k] = margin[least], rows[least], time
+        of_compartments = np.where(self._areas[:, cells] > 0.0, margin, np.inf)
+        who = of_compartments.argmin(axis=1)
+        least = of_compartments[np.arange(len(who)), who]
+        for k in np.flatnonzero(least < self._of_compartments[:, 0]).tolist():
+            self._of_compartments[k] = least[k], rows[who[k]], time
 
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of margins and times."""

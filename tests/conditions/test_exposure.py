@@ -279,6 +279,8 @@ def test_a_run_does_not_end_for_lack_of_progress_while_the_air_can_change():
     assert [run.ended for run in ends] == ["no progress"] * 2
     assert ends[0].time < 95.0
     assert ends[1].time == pytest.approx(100.0, abs=1.1)
+    out = Simulation(corridor(smoke, dose={"heat": "none", "without": ["co", "co2", "o2"]})).run()
+    assert out.time == pytest.approx(out.last_out, abs=0.11)
 
 
 @pytest.mark.parametrize(("duration", "stopped"), [(200.0, 1), (40.0, 0)])
