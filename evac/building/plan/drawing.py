@@ -13,7 +13,16 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.errors import BuildingError, counted
-from evac.building.geometry import LEAST_AREA, between_floors, common, cut, place_of, segment_lengths, united
+from evac.building.geometry import (
+    LEAST_AREA,
+    between_floors,
+    common,
+    cut,
+    pieces_along,
+    place_of,
+    segment_lengths,
+    united,
+)
 from evac.building.model.findings import Finding
 from evac.building.plan import stairs
 from evac.building.plan.outlines import (
@@ -50,6 +59,8 @@ DEEP = 0.3
 UNCOVERED = 0.01
 #: A door to the outside that is nearer than this to the outline of the floor is on it [m].
 FLUSH = 0.01
+#: Pieces of an outline at most this far apart are on one line [m]; narrowest part of an exit that another one has.
+ON_ONE_LINE, NARROWEST = 1e-5, 0.5
 #: Smallest overlap of two floors, and smallest part of an area beside its floor, that is reported [m2].
 LEAST_REPORTED = 0.05
 #: Share of an area beside its floor above which it is a warning.
@@ -99,12 +110,13 @@ class Drawing:
         self._open_doors()
         self.rooms = dict(self.floors)
         obstacles = [self._place_obstacle(item) for item in plan.obstacles]
-        self.exits = list(plan.exits)
+        self.exits += plan.exits
         self._cut_exits()
         self._make_stairs()
         for item in self.exits:
-            with self._noting("exits", item):
+            with self._noting("doors" if item.outside == "exit" else "exits", item):
                 self._open_exit(item)
+        self._part_exits()
         for item in plan.openings:
             self.openings += [(item.storey, piece) for piece in self._outline(item, item.segment)]
         self.findings += [
@@ -165,23 +177,30 @@ class Drawing:
         for row, door in enumerate(self.plan.doors):
             by_storey.setdefault(door.storey, []).append(row)
         near = {row: one for name, rows in by_storey.items() for row, one in self._near_doors(name, rows).items()}
-        opened: dict[int, list[BaseGeometry]] = {}
+        opened: dict[int, list[BaseGeometry]] = {}  # ground of doors between rooms, which further doors may meet
+        outer: dict[str, list[BaseGeometry]] = {}
         for row, door in enumerate(self.plan.doors):
             around, rooms, earlier = near[row]
             ground = [part for other in earlier for part in opened[other] if part.intersects(around)]
             known, opened[row] = len(self.findings), []
             with self._noting("doors", door):
                 try:
-                    opened[row] = self._open_door(door, united([rooms, *ground]) if ground else rooms)
+                    made, is_inner = self._open_door(door, united([rooms, *ground]) if ground else rooms)
                 except ValueError:  # its message also says what is farther away
                     if self._lacks_wall(door):
                         continue
                     del self.findings[known:]
                     ground = [part for other in by_storey[door.storey] for part in opened.get(other, ())]
-                    opened[row] = self._open_door(door, united([self.floors[door.storey], *ground]))
+                    made, is_inner = self._open_door(door, united([self.floors[door.storey], *ground]))
+                opened[row] = made if is_inner else []
+                outer.setdefault(door.storey, []).extend([] if is_inner else made)
         for name, rows in by_storey.items():
-            if ground := [part for row in rows for part in opened[row]]:
-                self.floors[name] = united([self.floors[name], *ground])
+            if ground := [*(part for row in rows for part in opened[row]), *outer.get(name, ())]:
+                # Ground of several doors to the outside at one place may leave slivers between them.
+                whole = shapely.get_parts(united([self.floors[name], *ground]))
+                holes = [[ring for ring in one.interiors if shapely.Polygon(ring).area > LEAST_AREA] for one in whole]
+                outlines = zip(shapely.get_exterior_ring(whole), holes, strict=True)
+                self.floors[name] = united([shapely.Polygon(*outline) for outline in outlines])
 
     def _lacks_wall(self, door: Item) -> bool:
         """Return whether a door is on a side of two rooms that touch, and tell that their storey has no wall."""
@@ -214,8 +233,8 @@ class Drawing:
             for k, row in enumerate(rows)
         }
 
-    def _open_door(self, door: Item, floor: BaseGeometry) -> list[BaseGeometry]:
-        """Return the ground between a door and the rooms on both its sides."""
+    def _open_door(self, door: Item, floor: BaseGeometry) -> tuple[list[BaseGeometry], bool]:
+        """Return the ground between a door and the rooms on both its sides, and whether there are such on both."""
         assert door.segment is not None
         segment, change = placed(floor, door.segment, door.reach)
         if change:
@@ -228,7 +247,7 @@ class Drawing:
         if all(found):
             z = self.plan.storeys[door.storey].z
             self.doors.append((door.name, np.column_stack([segment, [z, z]])))
-            return ground
+            return ground, True
         if not any(found):
             raise ValueError(
                 f"at least a part of {written(segment)} has no room within {door.reach:g} m on storey {door.storey!r}; "
@@ -242,14 +261,12 @@ class Drawing:
         ends = along(floor, segment, FLUSH)
         if covered(ends, segment) > 0.9 * float(np.hypot(*(segment[1] - segment[0]))):
             ground = []
+        if door.outside == "exit":
+            self.exits.append(replace(door, segment=segment))
         else:
             ends = _on_outline(united([floor, *ground]), segment)
-            ends = ends if len(ends) else segment.reshape(1, 4)
-        if door.outside == "exit":
-            self.edges.append((f"exit:{door.name}", door.storey, ends))
-        else:
-            self.openings.append((door.storey, ends[0]))
-        return ground
+            self.openings.append((door.storey, ends[0] if len(ends) else segment.ravel()))
+        return ground, False
 
     def _add(self, storey: str, added: list[Strip]) -> None:
         """Add strips of ground to a floor."""
@@ -421,7 +438,7 @@ class Drawing:
         beside = covered(np.array(pieces).reshape(-1, 4), segment)
         if beside < 0.9 * length:
             pieces = self._recess(item, segment, beside)
-        elif between_floors(floor, np.array(pieces), DOOR_REACH).any():
+        elif item.outside != "exit" and between_floors(floor, np.array(pieces), DOOR_REACH).any():
             raise ValueError(between_rooms(segment, item.storey))
         elif beside < length - LEAST_LENGTH:
             text = f"exit {item.name!r} is {beside:.3f} m wide instead of {length:.3f} m: walls cover the rest of it"
@@ -429,6 +446,27 @@ class Drawing:
             remedy = "" if item.key else f"segment = {np.round(longest, 6).tolist()}"
             self._find("warning", text, item.storey, segment, key_of("exits", item), remedy)
         self.edges.append((tag, item.storey, np.array(pieces)))
+
+    def _part_exits(self) -> None:
+        """Take from exits what others have, or the floor before these: too little that is left is left out."""
+        parted, taken = [], dict[str, FloatArray]()
+        keys = {item.name: key_of("doors" if item.outside == "exit" else "exits", item) for item in self.exits}
+        for tag, storey, pieces in self.edges:
+            name, others = tag.removeprefix("exit:"), taken.get(storey, np.empty((0, 4)))
+            lines = [along(self.floors[storey], piece.reshape(2, 2), ON_ONE_LINE) for piece in pieces]
+            free = np.concatenate([np.empty((0, 4)), *(_free(piece, others) for own in lines for piece in own)])
+            width, left = (float(segment_lengths(own).sum()) for own in (pieces, free))
+            is_whole = left > width - LEAST_LENGTH
+            if not is_whole and left < NARROWEST:
+                text = f"exit {name!r} is left out: other exits have all but {left:.2f} of its {width:.2f} m"
+                self._find("assumed", text, storey, pieces[0], keys[name], "remove it")
+                continue
+            if not is_whole:
+                text = f"exit {name!r} is {left:.2f} m wide instead of {width:.2f} m, which other exits share"
+                self._find("warning", text, storey, free[0], keys[name])
+            parted.append((tag, storey, free))
+            taken[storey] = np.concatenate([others, free])
+        self.edges = parted
 
     def _outline(self, item: Item, segment: FloatArray | None) -> list[FloatArray]:
         """Return the pieces (4,) of the floor's outline along a segment; only those exactly on it if there are any."""
@@ -573,6 +611,22 @@ def _overlap(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
         return united([one, other]), united([one_twice, other_twice, common(one, other)])
 
     return covered_once_and_twice(polygons)[1]
+
+
+def _free(piece: FloatArray, others: FloatArray) -> FloatArray:
+    """Return the parts (p, 4) of a segment (4,) along which none of some others (n, 4) lies."""
+    ends = piece.reshape(2, 2)
+    near, _ = pieces_along(others, ends, ON_ONE_LINE) if len(others) else (others, None)
+    length = float(segment_lengths(piece[None])[0])
+    spans = np.sort((near.reshape(-1, 2, 2) - ends[0]) @ (ends[1] - ends[0]) / length, axis=1)
+    start, free = 0.0, []
+    for low, high in [*sorted(spans.tolist()), [length, length]]:
+        if low - start > LEAST_LENGTH:
+            free.append([start, low])
+        start = max(start, high)
+    shares = np.array(free).reshape(-1, 2, 1) / length
+    parts: FloatArray = np.round(ends[0] + shares * (ends[1] - ends[0]), 6).reshape(-1, 4) + 0.0
+    return parts
 
 
 def _on_outline(floor: BaseGeometry, segment: FloatArray) -> FloatArray:

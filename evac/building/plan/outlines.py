@@ -424,7 +424,7 @@ def _on_floor(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[Floa
         origin, wall = np.array([x1, y1]), np.array([x2 - x1, y2 - y1]) / np.hypot(x2 - x1, y2 - y1)
         segment = np.round(origin + ((ends - origin) @ wall)[:, None] * wall, 6) + 0.0
         off = float(np.hypot(*(segment - ends).T).max())
-        return (ends, "") if off < LEAST_LENGTH else (segment, f"moved by {off:.2f} m to the wall beside it")
+        return segment, "" if off < LEAST_LENGTH else f"moved by {off:.2f} m to the wall beside it"
     if (shapely.distance(shapely.points(ends), shapely.boundary(floor)) <= SNAP).all():
         return ends, ""
     raise ValueError(
