@@ -334,16 +334,23 @@ def _moved(trajectory: Trajectory) -> Iterator[_Moved]:
 
 
 def _through(moved: _Moved, level: int, segment: FloatArray) -> Passages:
-    """Return person, time and whether it is to the left, of each passage through a segment on a level."""
-    first, along = segment[:2], segment[2:] - segment[:2]
+    """Return person, time and whether it is to the left, of each passage through a segment on a level.
+
+    Whoever stands on the line is at the left of the direction in which x, then y, grows, and of the ends the one from
+    which they grow belongs to the segment: so a line and its reverse count the same, and lines that share an end count
+    a passage through it once.
+    """
+    is_reversed = tuple(segment[:2]) > tuple(segment[2:])
+    first, last = (segment[2:], segment[:2]) if is_reversed else (segment[:2], segment[2:])
+    along = last - first
     here = np.flatnonzero((moved.level == level) | (moved.after == level))
     start, end = moved.start[here] - first, moved.end[here] - first
-    before = along[0] * start[:, 1] - along[1] * start[:, 0]  # positive to the left of the line
+    before = along[0] * start[:, 1] - along[1] * start[:, 0]  # positive to the left
     after = along[0] * end[:, 1] - along[1] * end[:, 0]
     turns = np.flatnonzero((before < 0.0) != (after < 0.0))
     share = before[turns] / (before[turns] - after[turns])
     place = (start[turns] + share[:, None] * (end[turns] - start[turns])) @ along / (along @ along)
-    hits = (place >= 0.0) & (place <= 1.0)
+    hits = (place >= 0.0) & (place < 1.0)
     turns, share = turns[hits], share[hits]
     rows = here[turns]
-    return moved.person[rows], moved.begin[rows] + share * moved.span[rows], after[turns] >= 0.0
+    return moved.person[rows], moved.begin[rows] + share * moved.span[rows], (after[turns] >= 0.0) != is_reversed

@@ -96,6 +96,21 @@ def test_lines_and_doors_are_passed_where_and_when_they_are(written):
     assert (flows["line"].width, flows["door between"].kind) == (4.0, "door")
 
 
+def test_lines_that_share_ends_and_lines_in_reverse_count_each_passage_once(written):
+    """The first person passes where two lines meet, the second starts on the lines."""
+    trajectory = written([[[2.0, 3.0], [3.0, 2.0]], [[4.0, 3.0], [4.0, 2.0]]], [[0, 0]] * 2)
+    ends = {"low": (1, 3), "high": (3, 5), "low back": (3, 1), "high back": (5, 3)}
+    places = tuple(Place(name, "line", 0, LineString([(3.0, y) for y in ys])) for name, ys in ends.items())
+    flows = line_flows(replace(trajectory, building=replace(trajectory.building, places=places)))
+    assert {name: flows[name].person.tolist() for name in ends} == {
+        "low": [1],
+        "high": [0],
+        "low back": [1],
+        "high back": [0],
+    }
+    assert [flows[name].forward.tolist() for name in ends] == [[False], [False], [True], [True]]
+
+
 def test_who_leaves_passes_a_line_before_the_exit(written):
     line = Place("line", "line", 0, LineString([(0.5, 0.0), (0.5, 6.0)]))
     trajectory = written([[[1.0, 1.5]], [[1.0, 1.5]]], [[0], [-1]], interval=2.0)
