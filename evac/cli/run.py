@@ -216,7 +216,7 @@ def show_answer(results: "Results", below: int = 1) -> None:
     first = 4 + len(answer.exits)
     of_notes = range(first, first + len(notes))
     movement, last = len(lines) - 2, len(lines) - 1
-    for least, rows in ((1, (movement, *range(first - 1, 3, -1), *of_notes, last)), (0, (*of_notes, 1, movement))):
+    for least, rows in ((1, (movement, *range(first - 1, 3, -1), *of_notes, last)), (0, (movement, *of_notes, 1))):
         for row in rows:
             heights[row] -= max(0, min(heights[row] - least, sum(heights) + below - MOST_LINES))
     styles = [STYLES[results.verdict["status"]], "bold", "bold"]
