@@ -3,7 +3,7 @@
 import tomllib
 from functools import cache
 from importlib.resources import files
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import (
     ConfigDict,
@@ -14,6 +14,7 @@ from pydantic import (
     model_validator,
 )
 
+from evac.base.change import REMEDIES
 from evac.base.defaults import COMFORT, CONTRAST, FARTHEST, LEAST_FLOOR, MOST_SPEED, ORDER, SIGN_RANGE, SPACING
 from evac.base.distributions import Distribution
 from evac.base.keys import (
@@ -530,13 +531,19 @@ class WhenSettings(Table):
         return self
 
 
+if TYPE_CHECKING:
+    KindOfChange = str
+else:
+    KindOfChange = Literal[tuple(REMEDIES)]
+
+
 class EventSettings(Table):
     """`[[event]]`: a change during the run, at a time or when something happens."""
 
     name: Name | None = key("name by which other events refer to it", "", None)
     time: Annotated[Real, Field(ge=0, le=LONGEST_RUN)] | None = key("time of the event; this or `when`", "s", None)
     when: WhenSettings | None = key("what makes it happen, once; this or `time`", "", None)
-    kind: Literal["open", "close", "one_way", "slow", "bar", "strategy", "alarm"] = key(
+    kind: KindOfChange = key(
         "`open` or `close` an exit, portal, stair or door, or make it `one_way`; `slow` people in an area or on a "
         "level, or `bar` it; change the `strategy` of a group; sound an `alarm`"
     )

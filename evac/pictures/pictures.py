@@ -73,10 +73,11 @@ def egress_figure(results: Results, size: tuple[float, float] = SIZE, has_title:
 def runs_figure(title: str, people: int, columns: Mapping[str, FloatArray]) -> Figure:
     """Return mean, median and range of percentiles over runs of the number of people out, over time.
 
-    `columns` (k,): ``time`` [s], ``mean_over_runs``, and three ``percentile_P_over_runs`` in ascending order.
+    `columns` (k,): ``time`` [s], ``mean_over_runs``, and ``percentile_P_over_runs`` in ascending order, 50 among them.
     """
     figure, axes = new_axes(title, people)
-    time, (low, median, high) = columns["time"], [name for name in columns if name.startswith("percentile_")]
+    time, (low, *_, high) = columns["time"], [name for name in columns if name.startswith("percentile_")]
+    median = "percentile_50_over_runs"
     words = [name.split("_")[1] for name in (low, high)]
     label = f"percentiles {' to '.join(words)} over runs"
     axes.fill_between(time, columns[low], columns[high], color="#9fb3c8", label=label)
