@@ -104,6 +104,7 @@ def execute_check(arguments: argparse.Namespace) -> int:
         raise
     show_building(simulation.building, arguments.verbose)
     show_people(simulation)
+    show_available(simulation)
     show_course(case)
     show_warnings(simulation.warnings())
     if arguments.picture is not None:
@@ -356,6 +357,19 @@ def show_building(building: "Building", is_verbose: bool) -> None:
     groups = grouped(finding for finding in building.findings if finding.kind in ASSUMED)
     assumed = [(own[0].kind, own[0].where, f"{own[0].text}{and_more(own)}") for own in groups]
     show_table("Assumed, repaired or left out", ("kind", "place", "description"), assumed)
+
+
+def show_available(simulation: "Simulation") -> None:
+    """Show until when compartments are available, or at least, and by which criterion."""
+    from evac.results.verdict import BY
+
+    safety = simulation.safety
+    if safety is not None:
+        rows = [
+            (one.name, f"at least {safety.until:g}" if math.isinf(time) else round(time, 1), BY.get(why))
+            for one, (time, why) in zip(safety.compartments, safety.available, strict=True)
+        ]
+        show_table("Compartments", ("compartment", "available [s]", "criterion"), rows)
 
 
 def show_people(simulation: "Simulation") -> None:

@@ -30,6 +30,7 @@ from evac.folder.files import (
 )
 from evac.folder.textfiles import plain, write_csv, write_json
 from evac.results.results import versions
+from evac.results.verdict import verdict_of
 from evac.simulation.assembly import providers
 from evac.simulation.simulation import Simulation
 from evac.study.points import STEP
@@ -211,8 +212,9 @@ def points_table(study: "Study") -> tuple[list[str], list[list[Any]]]:
         estimates = row[study.central], row.percentiles[-1]
         times = [f"{of.text} ({bounds})" if (bounds := of.bounds()) else of.text for of in estimates]
         blocked = f"{row.blocked} of {row.runs}" + (f", {row.failed} failed" if row.failed else "")
-        rows.append([*(point.parameters.get(key) for key in keys), *times, blocked])
-    return [*keys, *(f"{name} [s] (95 % interval)" for name in (study.central, percentile)), "blocked"], rows
+        said = verdict_of(study.safety(point.index))["text"].partition(":")[0]
+        rows.append([*(point.parameters.get(key) for key in keys), *times, blocked, said])
+    return [*keys, *(f"{name} [s] (95 % interval)" for name in (study.central, percentile)), "blocked", "verdict"], rows
 
 
 def parameter_keys(study: "Study") -> list[str]:

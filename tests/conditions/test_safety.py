@@ -8,6 +8,7 @@ import shapely
 
 import evac
 from evac.base.errors import ScenarioError
+from evac.cli.check import show_available
 from evac.results.verdict import verdict_of
 from evac.simulation.simulation import Simulation
 from tests.conditions.corridor import corridor, prescribed, two_storeys
@@ -230,6 +231,16 @@ def test_people_who_stay_and_take_a_dose_have_the_margin_of_the_own_dose():
     rate = 3.317e-5 * 20000.0**1.036 * 25.0 / 30.0 / 60.0
     assert results.safety["compartments"][0]["available"] == pytest.approx(0.3 / rate, rel=1e-5)
     assert results.margins["least_margin"][0] == pytest.approx(0.3 / rate - 60.0, abs=0.2)
+
+
+def test_check_shows_until_when_compartments_are_available(capsys):
+    two = [{"name": "f"}, {"name": "west", "of": ["f"], "available": 7.0}]
+    smoke = prescribed(times=[0, 20], values={"extinction": [0.0, 0.2]}, hold=True)
+    case = corridor(smoke, safety={"visibility": 10.0, "factor": 2.0}, compartment=two, simulation={"duration": 50.0})
+    show_available(Simulation(case, will_run=False))
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["f", "at", "least", "100", "-"] in rows
+    assert ["west", "7", "given"] in rows
 
 
 @pytest.mark.parametrize(
