@@ -31,6 +31,7 @@ from evac.folder.lock import locked
 from evac.folder.resultfolder import is_empty
 from evac.importing.documents import MOST_OPENINGS, PLAN_HEAD, case_text, report_text
 from evac.importing.rooms import Opening, Room, fill, find_openings, find_rooms, with_missing
+from evac.people.starts import held_by, load_table
 from evac.simulation.assembly import read_file, read_storeys
 
 if TYPE_CHECKING:
@@ -149,7 +150,7 @@ def import_building(
             names = ", ".join(map(repr, lost))
             findings.append(Finding("warning", f"{names}: not among the exits in {keeper}, which is kept; add them"))
         if people is None and density is None:
-            text = f"{DENSITY:g} people per square metre in every room (--density, --people)"
+            text = f"{DENSITY:g} people per square metre in rooms without a number or a known use (--density, --people)"
             findings.append(Finding("assumed", text))
         if CASE in changed:
             findings.append(Finding("assumed", f"{CASE} has been changed since it was written, and is kept"))
@@ -305,7 +306,8 @@ class _Draft:
         mesh = read if isinstance(read, SurfaceMesh) else read_storeys(read, self._registry).surface()
         surface = clean(mesh, file, SurfaceOptions(**self.kept))
         self.written = building_of(surface, file, BuildingOptions.model_validate(more or {}), need_exit=False)
-        self.people = {area.name: area.people for area in self.written.areas if area.people is not None}
+        own = [area for area in self.written.areas if area.people is not None or area.use in load_table()]
+        self.people = {area.name: held_by(area) for area in own}
         self.openings = self.openings or [(name, np.asarray(ends)) for name, ends in mesh.openings]
         self.findings = [*self._told, *(finding for finding in self.written.findings if finding not in self._told)]
 

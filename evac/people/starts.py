@@ -53,10 +53,11 @@ def rooms_of(source: str, people: "GroupSettings", building: Building) -> list[t
     else:
         area = building.area_named(people.area or people.level or "")
         rooms = [] if area is None else [area]
-    return [(area, _held(area, people.density)) for area in rooms]
+    return [(area, held_by(area, people.density)) for area in rooms]
 
 
-def _held(area: Area, density: float | None) -> float:
+def held_by(area: Area, density: float | None = None) -> float:
+    """Return the number of people in an area by their density [1/m2], or else as stated, or by the load of its use."""
     if density is None and area.people is not None:
         return area.people
     if density is None:

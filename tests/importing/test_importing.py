@@ -167,6 +167,19 @@ def test_people_are_divided_by_the_ground_of_the_rooms(house, tmp_path):
     assert sum(one.number for one in made.rooms) == 101
 
 
+def test_rooms_of_a_plan_have_the_people_that_they_state_or_the_load_of_their_use(tmp_path):
+    plan = evac.Plan()
+    plan.storey("ground")
+    for k, given in enumerate(({"use": "office"}, {"use": "stair"}, {"people": 3}, {"use": "chapel"})):
+        plan.room(f"{k}", "ground", shapely.box(6 * k, 0, 6 * k + 6, 6), **given)
+    plan.exit("out", "ground", [(0, 1), (0, 3)])
+    plan.write(tmp_path / "house.plan.toml")
+    made = import_building([tmp_path / "house.plan.toml"], tmp_path / "case")
+    assert {one.name: one.number for one in made.rooms} == {"0": 6, "1": 0, "2": 3, "3": 4}
+    made = import_building([tmp_path / "house.plan.toml"], tmp_path / "other", density=0.5)
+    assert {one.name: one.number for one in made.rooms} == {"0": 18, "1": 0, "2": 18, "3": 18}
+
+
 @pytest.mark.parametrize(("density", "people"), [(0.1, [1, 1, 2, 3]), (0.2, [1, 3, 4, 5])])
 def test_numbers_of_people_are_rounded_to_the_nearest_but_no_room_is_empty(density, people):
     building = rooms_of_ground(4.0, 13.0, 18.0, 27.0)
