@@ -59,7 +59,7 @@ class _Stream:
 
     def __init__(self) -> None:
         # Sequences rarely repeat, but some bytes are much more frequent than others.
-        self._compressor = zlib.compressobj(9, strategy=zlib.Z_FILTERED)
+        self._compressor = zlib.compressobj(9, strategy=zlib.Z_RLE)
         self._ready = bytearray()
 
     def write(self, data: bytes) -> None:
