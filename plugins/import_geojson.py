@@ -312,7 +312,7 @@ def _add_stair(
         return
     lengths = np.hypot(*np.diff([edges.mean(axis=1) for edges in flights], axis=1)[:, 0].T)
     low, up = (heights[level] for level in one.levels)
-    ends = low + (up - low) * np.cumsum([0.0, *lengths]) / lengths.sum()
+    ends = np.append(low + (up - low) * np.cumsum([0.0, *lengths[:-1]]) / lengths.sum(), up)
     for edges, z1, z2 in zip(flights, ends.tolist(), ends[1:].tolist(), strict=False):
         plan.flight(name, edges[0], z1, edges[1], z2)
     for landing, z in zip(landings, ends[1:].tolist(), strict=False):

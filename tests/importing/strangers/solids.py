@@ -117,7 +117,9 @@ def fds(seed, folder):
     evac, linked = rng.random() < 0.7, rng.random() < 0.3
     truth = building(seed, grid=0.1, storeys=rng.randint(1, 4), lifts=False, setback=False, stairs=False)
     lines = [f"&HEAD CHID='case_{seed}', TITLE='Office / test' /", "&TIME T_END=300. /", "! Meshes"]
-    lows, highs = np.reshape(truth.placed(truth.storeys[0].outline.buffer(0.6, join_style="mitre")).bounds, (2, 2))
+    lows, highs = np.reshape(
+        truth.placed(truth.storeys[0].outline.buffer(0.6 if evac else 0, join_style="mitre")).bounds, (2, 2)
+    )
     top = len(truth.storeys) * truth.height
 
     def xb(shape, low, high):
