@@ -262,24 +262,29 @@ def laid(one: Steps, low: Storey, up: Storey, rise: float) -> Steps:
     doors = (low.outlets | up.outlets) & one.area.buffer(BESIDE)
     places = shapely.get_coordinates([part.centroid for part in shapely.get_parts(doors)])
     walled = bool(len(places))
-    for way in (ends, ends[::-1]):
-        open_at = [
-            not walled and floor.dwithin(shapely.Point(end), 2 * SAME) for floor, end in zip(floors, way, strict=True)
-        ]
-        if all(open_at) or (way is ends and width < TWO_FLIGHTS):
+    beyond = [_beyond(end, end - ends.mean(axis=0), width) for end in ends]
+    is_open = np.array([[(floor & box).area > box.area / 2 for box in beyond] for floor in floors])
+    for way, (foot, head) in ((ends, (0, 1)), (ends[::-1], (1, 0))):
+        if (not walled and is_open[0, foot] and is_open[1, head]) or (foot == 0 and width < TWO_FLIGHTS):
             return replace(one, line=shapely.LineString(way))
-    near = [sum(floor.dwithin(shapely.Point(end), 2 * SAME) for floor in floors) for end in ends]
     if walled:
-        first = np.hypot(*(places[:, None] - ends).transpose(2, 0, 1)).sum(axis=0).argmin()
+        first = int(np.hypot(*(places[:, None] - ends).transpose(2, 0, 1)).sum(axis=0).argmin())
     else:
-        first = int(near[1] > near[0])
+        first = int(is_open.sum(axis=0).argmax())
     start, along = ends[first], (ends[1 - first] - ends[first]) / length
     across, lane = np.array([-along[1], along[0]]), (width - GAP) / 2
     flight = min(length - lane - (BEFORE if walled else 0.0), GENTLE * rise / 2 if walled else np.inf)
-    foot = length - lane - flight
-    corners = [(foot, 1), (length - lane / 2, 1), (length - lane / 2, -1), (foot, -1)]
+    begin, turn = length - lane - flight, length - lane / 2
+    corners = [(begin, 1), (turn, 1), (turn, -1), (begin, -1)]
     line = [start + s * along + side * (lane + GAP) / 2 * across for s, side in corners]
     return replace(one, line=shapely.LineString(line), width=lane)
+
+
+def _beyond(end: FloatArray, way: FloatArray, width: float) -> BaseGeometry:
+    """Return the ground before the middle of an end of a stair, as deep as people need to stand on it."""
+    way = way / np.hypot(*way)
+    across = np.array([-way[1], way[0]]) * width / 4
+    return shapely.polygons([end - across, end + across, end + across + BESIDE * way, end - across + BESIDE * way])
 
 
 def pieces_of(one: Steps) -> tuple[list[FloatArray], list[BaseGeometry]]:
