@@ -163,8 +163,9 @@ class _Exceeding:
 
 
 def _nearest(building: Building, level: Level, point: FloatArray) -> str:
-    """Return the name of the portal or exit of a level that is nearest to a point."""
+    """Return the name of the portal or exit of a level that is nearest to a point, but for portals within a stair."""
     links: list[Portal | Exit] = [*building.portals_of(level.index), *building.exits_of(level.index)]
+    links = [link for link in links if len({building.levels[k].title for k in link.levels}) == len(link.levels)]
     place = shapely.Point(point)
     lines = [shapely.multilinestrings([s.reshape(2, 2) for s in link.segments]) for link in links]
     distances = [line.distance(place) for line in lines]
