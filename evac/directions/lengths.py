@@ -98,6 +98,8 @@ def find_lengths(marched: Marched, routes: tuple[Route, ...], packed: "PackedFie
 
 def passable_times(marched: Marched, packed: "PackedFields") -> FloatArray:
     """Return the travel times (nodes,) of packed fields, inf from where no way is as wide as the bodies [s]."""
+    if not any(blocked.size for of_class in marched.classes for blocked in of_class.blocked):
+        return packed.travel_time  # which may be large
     times: FloatArray = packed.travel_time.copy()
     for number, of_class in enumerate(marched.classes):
         for index, blocked in enumerate(of_class.blocked):

@@ -22,7 +22,7 @@ from evac.people.arrivals import Source, times_of_arrival
 from evac.people.behaviour import Behaviour
 from evac.people.groups import check_people, contact_radii, opens_later, route_of
 from evac.people.placement import clearance, place
-from evac.people.starts import start_in, starts_of
+from evac.people.starts import LeftOut, left_out, start_in, starts_of
 from evac.physics.motion import EXIT
 from evac.physics.state import Crowd, Events, make_crowd
 
@@ -266,10 +266,11 @@ def build_population(
     for people, group in zip(case.people, groups, strict=True):
         if people.positions is not None:
             _take_positions(case, building, crowd, people, group.rows)
-    left_out: list[Finding] = []
+    findings: list[Finding] = []
+    out: dict[int, LeftOut] = {}
     for people, group in zip(case.people, groups, strict=True):
         if people.positions is None and people.arrive is None:
-            left_out += _take_area(case, building, fields, crowd, people, group.rows, seed)
+            findings += _take_area(case, building, fields, crowd, people, group.rows, seed, out)
     sources = []
     for people, group in zip(case.people, groups, strict=True):
         if people.arrive is not None:
@@ -278,7 +279,7 @@ def build_population(
     stay = [group.rows for people, group in zip(case.people, groups, strict=True) if not people.leave]
     staying = np.concatenate([np.zeros(0, np.int32), *stay])
     crowd.start_time[staying] = np.inf
-    return Population(crowd, groups, building, len(fields.routes), staying, sources, tuple(dict.fromkeys(left_out)))
+    return Population(crowd, groups, building, len(fields.routes), staying, sources, tuple(dict.fromkeys(findings)))
 
 
 def _route_index(case: "Case", people: "GroupSettings", fields: "Fields") -> int:
@@ -379,9 +380,19 @@ def _levels_of(case: "Case", building: Building, people: "GroupSettings", positi
 
 
 def _take_area(
-    case: "Case", building: Building, fields: "Fields", crowd: Crowd, people: "GroupSettings", rows: IntArray, seed: int
+    case: "Case",
+    building: Building,
+    fields: "Fields",
+    crowd: Crowd,
+    people: "GroupSettings",
+    rows: IntArray,
+    seed: int,
+    out: dict[int, LeftOut],
 ) -> tuple[Finding, ...]:
-    """Place a group at random in its areas, clear of walls, portals, exits, doorways and people placed before."""
+    """Place a group at random in its areas, clear of walls, portals, exits, doorways and people placed before.
+
+    `out`: what is left out of levels, to which those that are new are added.
+    """
     generator = generator_for(seed, "people", people.name, "position")
     widest, first, found = float(crowd.contact_radius[rows].max()), 0, list[Finding]()
     for area, number in starts_of(str(case.source), people, building):
@@ -395,7 +406,9 @@ def _take_area(
                 return np.ones(len(points), np.bool_)
             return fields.are_passable(area.level, points, crowd.route[rows[0]], widest)
 
-        start = start_in(building, area, has_way)
+        if area.level not in out:
+            out[area.level] = left_out(building, building.levels[area.level])
+        start = start_in(building, area, out[area.level], has_way)
         found += start.findings
         kind = "level" if people.level is not None else "area"
         where = "" if kind == "level" else f" on level {building.levels[area.level].name!r}"

@@ -115,9 +115,8 @@ class Start(NamedTuple):
     findings: tuple[Finding, ...]
 
 
-def start_in(building: Building, area: Area, has_way: Callable[[FloatArray], BoolArray]) -> Start:
+def start_in(building: Building, area: Area, out: LeftOut, has_way: Callable[[FloatArray], BoolArray]) -> Start:
     """Return where people may start in an area; a kind of ground that is all of the area is not left out of it."""
-    out = left_out(building, building.levels[area.level])
     kinds = {"doorways": out.doorways, "enclosures of stairs": out.enclosures}
     lost = {kind: ground.intersection(area.polygon) for kind, ground in kinds.items()}
     lost = {kind: ground for kind, ground in lost.items() if SMALLEST < ground.area < area.polygon.area - SMALLEST}
