@@ -267,7 +267,7 @@ def _triangles(plan: BaseGeometry, height: Height, corners: FloatArray, tree: sh
         except shapely.GEOSException as error:
             x, y = shapely.get_coordinates(rings[-1])[0]
             raise ValueError(
-                f"the surface at ({x:z.2f}, {y:z.2f}) cannot be triangulated ({error}): parts of its outline are too "
+                f"the surface at ({x:z.2f}, {y:z.2f}) cannot be triangulated: parts of its outline are too "
                 "close to each other there; repair the outline"
             ) from error
         at = shapely.get_coordinates(shapely.get_parts(pieces)).reshape(-1, 4, 2)[:, :3]
