@@ -97,11 +97,12 @@ def test_without_headroom_solid_slabs_are_refused_with_a_place(house, tmp_path):
         (1.0, 2.6, 0.2, (), 1.0),
         (1 / 0.3048, 2.6, 0.15, (), 0.3048),
         (1 / 0.3048, 3.5, 0.3, (3.5,), 0.3048),
+        (1000.0, 3.0, 0.2, (3.0,), 0.001),
         (1.0, 8.5, 0.3, (), 1.0),  # a hall
         (1.0, 8.5, 0.4, (2.7, 5.5), 1.0),  # walls over three storeys
     ],
 )
-def test_feet_are_recognised_by_the_heights_of_storeys_and_the_thickness_of_walls(
+def test_units_are_recognised_by_the_heights_of_storeys_and_the_thickness_of_walls(
     tmp_path, unit, height, thick, slabs, scale
 ):
     model = Model()

@@ -18,8 +18,8 @@ MOST_EXTENT = 1e5
 LEAST_WIDTH = 0.5
 #: Range of plausible extents of a building [m]; others cause a warning.
 SMALLEST, LARGEST = 2.0, 5e3
-#: Length of a foot, and heights and thicknesses of walls that are believed [m].
-FOOT, TALL, THICK = 0.3048, (2.1, 5.0), (0.1, 0.6)
+#: Units that are tried for meshes, and heights and thicknesses of walls that are believed [m].
+WALL_UNITS, TALL, THICK = (0.3048, 0.001, 0.01, 0.0254), (2.1, 5.0), (0.1, 0.6)
 #: Cosine of the slope of level faces, and how much larger upright ones towards y may be before the axes are doubted.
 LEVEL, MOST_UPRIGHT = 0.998, 3.0
 #: Factors between length units that drawings and exporters confuse, the most likely first.
@@ -82,7 +82,7 @@ def check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[F
 
 
 def likely_unit(mesh: TriangleMesh) -> tuple[float, str]:
-    """Return metres per unit of a mesh in metres or feet, by the bodies of its walls, and why if it is not 1."""
+    """Return metres per unit of a mesh, by the bodies of its walls, and why if it is not 1."""
     points, index = np.unique(mesh.points, axis=0, return_inverse=True)
     cells = index.ravel()[mesh.triangles]
     body = bodies(len(points), cells)
@@ -92,17 +92,22 @@ def likely_unit(mesh: TriangleMesh) -> tuple[float, str]:
     np.maximum.at(high, body, corners.max(axis=1))
     ground = np.bincount(body, plan_area(corners), count) / 2.0  # of a foot and a top
     length, height = np.hypot(*(high - low)[:, :2].T), high[:, 2] - low[:, 2]
-    thick = ground / np.maximum(length, 1e-9)
+    sides = np.diff(corners, axis=1)
+    whole = np.bincount(body, np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1), count) / 2.0
+    upright = np.maximum(whole - 2.0 * ground, 1e-9)
+    thick = 2.0 * ground * height / upright
     is_wall = (thick > 1e-3) & (length > 3.0 * thick) & (height > 3.0 * thick)
     if not is_wall.any():
         return 1.0, ""
-    tall, thin = (float(np.median(values[is_wall])) for values in (height, thick))
+    largest = int(np.where(is_wall, upright, 0.0).argmax())
+    tall, thin = float(height[largest]), float(thick[largest])
     slabs = np.unique(np.round(high[:, 2][~is_wall & (ground > 0.1 * ground.max())], 1))
     gaps = np.diff(slabs)[np.diff(slabs) > thin * 3.0]
     tall = min([tall, *gaps.tolist()])
-    if not all(low <= size * FOOT <= high for size, (low, high) in ((tall, TALL), (thin, THICK))) or tall <= TALL[1]:
-        return 1.0, ""
-    return FOOT, f"1 unit is {FOOT} m: in metres, walls would be {tall:.2f} m high and {thin:.2f} m thick (scale)"
+    fits = [unit for unit in WALL_UNITS if TALL[0] <= tall * unit <= TALL[1] and THICK[0] <= thin * unit <= THICK[1]]
+    unit = 1.0 if tall <= TALL[1] or not fits else fits[0]
+    why = f"1 unit is {unit:g} m: in metres, walls would be {tall:.2f} m high and {thin:.2f} m thick (scale)"
+    return unit, why if unit != 1.0 else ""
 
 
 def doubted_axis(mesh: TriangleMesh, points: FloatArray) -> list[Finding]:
