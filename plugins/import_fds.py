@@ -26,7 +26,13 @@ THICKEST_SLAB, LEAST_FLOOR, SAME = 0.6, 4.0, 0.3
 #: Least thickness of an obstruction [m]: those without a thickness are walls too.
 THINNEST = 0.05
 #: Groups of FDS+Evac and of complex geometry that are not read.
-LEFT_OUT = ("CORR", "STRS", "ENTR", "EVSS", "GEOM")
+LEFT_OUT = {
+    "CORR": "write the stair or passage that it stands for as [[stairs]] or [[rooms]]",
+    "STRS": "write it as [[shafts]], with the foot, width, direction and turn of its flights",
+    "ENTR": "write a group of [[people]] with arrive into case.toml for those who come in there",
+    "EVSS": "write it as [[stairs]]",
+    "GEOM": "draw it in building.plan.toml",
+}
 #: Depth of the ground outside of an exit [m]; least area of a part of the ground [m2].
 OUTSIDE, LEAST_PART = 0.1, 0.5
 
@@ -37,7 +43,7 @@ class FdsImporter(Importer):
     Evacuation meshes of FDS+Evac state floors, EVAC_Z_OFFSET below their middle; other meshes then state none. The
     floor area is what no obstruction occupies between 0.3 and 1.7 m above the floor, except where holes are cut out of
     them. Lines with EVACUATION=.FALSE. are not met. `&EXIT` lines of FDS+Evac are exits, unless they only count,
-    `&EVAC` lines start areas, and `&DOOR` lines and open vents openings.
+    `&EVAC` lines start areas with their numbers of people, and `&DOOR` lines and open vents openings.
     """
 
     name = "fds"
@@ -62,9 +68,10 @@ class FdsImporter(Importer):
             raise ValueError("the deck has no &MESH with XB that people can walk in")
         for one in lines:
             if one.group in LEFT_OUT or "MULT_ID" in one.text:
-                why = "its &MULT is missing" if "MULT_ID" in one.text else "draw it in building.plan.toml"
+                why = "its &MULT is missing" if "MULT_ID" in one.text else LEFT_OUT[one.group] + _ends(one, lines)
                 text = f"&{one.group} {one.name} (line {one.number}) is not read; {why}"
-                plan.note("left out", text, element=f"&{one.group}")
+                kind = "missing" if one.group in ("CORR", "STRS", "EVSS") else "left out"
+                plan.note(kind, text, element=f"&{one.group}")
             elif (
                 one.group == "VENT"
                 and one.box is None
@@ -122,8 +129,18 @@ class FdsImporter(Importer):
             if not one.plan.intersects(ground):
                 text = f"&EVAC {one.name} (line {one.number}) is not on the ground"
                 plan.note("missing", text, storey, element="&EVAC")
+                continue
+            name, part = f"{one.name} (line {one.number})", flat_parts(one.plan & ground)
+            number = _numbers(one.text, "NUMBER_INITIAL_PERSONS")
+            others = [other.plan for other in own["EVAC"] if other is not one]
+            is_room = part.geom_type == "Polygon" and not part.interiors and not (shapely.union_all(others) & part).area
+            if number and is_room:
+                plan.room(name, storey, part, people=int(number[0]))
             else:
-                plan.area(f"{one.name} (line {one.number})", storey, one.plan)
+                plan.area(name, storey, one.plan)
+            if number and not is_room:
+                text = f"&EVAC {name} starts {number[0]:g} people; write the number into case.toml"
+                plan.note("left out", text, storey, place_of(one.plan))
 
 
 @dataclass(frozen=True)
@@ -219,6 +236,21 @@ def _numbers(text: str, key: str) -> list[float]:
     """Return the numbers that a key of a namelist has; none without it."""
     found = re.search(rf"(?<![A-Z_]){key}\s*=((?:[\s,]*{NUMBER}(?![\w(]))*)", text)
     return [float(word.replace("D", "E")) for word in re.findall(NUMBER, found[1])] if found else []
+
+
+def _ends(one: Line, lines: list[Line]) -> str:
+    """Return the ends of a corridor of FDS+Evac, from the doors that lead to it to the node that it leads to."""
+
+    def node(line: Line) -> str:
+        found = re.search(r"TO_NODE\s*=\s*['\"]([^'\"]*)", line.text)
+        return found[1] if found else ""
+
+    texts = []
+    for other in lines:
+        is_end = node(other) == one.name.upper() or other.name.upper() == node(one)
+        if is_end and other.box is not None and other.segment is not None:
+            texts.append(f"{other.segment.tolist()} at z = {other.middle - Z_OFFSET:.2f} m")
+    return f" between the edges {' and '.join(texts)}" if texts else ""
 
 
 def _repeated(lines: list[Line]) -> Iterator[Line]:
