@@ -25,12 +25,6 @@ LEFT_OUT = ("Parameters", "Attributes", "Raises", "Examples", "Returns")
 FORMULAS = {
     "a exp((l - s) / D)": r"a\, e^{(l - s) / D}",
     "min(v, max(0, (s - l) / T))": r"\min\left(v,\ \max\left(0,\ \frac{s - l}{T}\right)\right)",
-    "k (1 + (1 - e.h_j) / 2) exp(-max(0, s - r_i - r_j - c t_s) / D)": (
-        r"k \left(1 + \frac{1 - e \cdot h_j}{2}\right) \exp\left(-\frac{\max(0,\ s - r_i - r_j - c\, t_s)}{D}\right)"
-    ),
-    "min(v, max(V, (s - g l + T_a max(0, u_j.h)) / (g T)))": (
-        r"\min\left(v,\ \max\left(V,\ \frac{s - g\, l + T_a \max(0,\ u_j \cdot h)}{g\, T}\right)\right)"
-    ),
     "A exp(-D / B) [Lambda + (1 - Lambda) (1 + cos phi) / 2]": (
         r"A\, e^{-D / B} \left[\Lambda + (1 - \Lambda)\, \frac{1 + \cos\varphi}{2}\right]"
     ),

@@ -1,4 +1,4 @@
-"""Walking: people keep a distance, anticipate those ahead, and step aside, before bodies touch."""
+"""Walking: people keep a distance, take the heading along which they get on best, and let others pass."""
 
 import math
 from collections.abc import Mapping
@@ -11,13 +11,13 @@ from evac.base.arrays import FloatArray
 from evac.base.parameters import Parameter
 from evac.base.saved import taken
 from evac.directions.sampling import column_of, sample_direction
-from evac.jit import Floats, Pairs, Struct, inner, kernel
+from evac.jit import Bytes, Floats, Ints, Pairs, Struct, inner, kernel
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.outside import Outside
 from evac.people.sights import (
     Sights,
+    free_of_walls,
     is_ahead,
-    is_hidden,
     list_near,
     look_round,
     make_sights,
@@ -29,62 +29,49 @@ from evac.physics.seams import walls_near
 from evac.physics.state import Crowd, World
 from evac.physics.world import BUCKET_REACH
 
-#: Side steps below this share of the desired direction are neglected.
+#: Angle between the headings that people compare, and their number on each side of the desired direction.
+TURN, TURNS = math.pi / 12.0, 5
+TURNED = tuple((math.cos(TURN * k), math.sin(TURN * k)) for k in range(TURNS + 1))
+
+#: Gap to the bodies of others at which people stop [m]; it also keeps them from sliding along each other.
+GAP = 0.05
+
+#: Cosine of 45 degrees: people on other routes walk the same way, cross or oppose, by the angle of the directions.
+DIAGONAL = math.sqrt(0.5)
+
+#: Share of the distance from a body that counts as its radius at most, so that people slide past whom they touch.
+SLIDES = 0.95
+
+#: Relative speed below which two people do not approach [m/s].
 FAINT = 0.03
 
 #: Greatest component of a unit vector, with rounding errors.
 LONGEST = 1.0 + 1e-9
 
-#: Distance beside the line of walking below which a person is on it, and the side is the person's own [m].
-ON_LINE = 1e-6
+#: Relations of people whom a person sees: ahead on the same way, on another way, standing, and of no effect but bodies.
+LEADS, PASSES, STANDS, BESIDE = 1, 2, 3, 0
 
-#: Gap to the bodies of those who stand at which people stop [m].
-TOUCHING = 0.02
-
-#: Gap that people leave to the bodies of those who stand when they walk around them [m].
-CLEARANCE = 0.05
-
-#: Angle between the directions that they try for this, and number of these directions on each side: up to 90 degrees.
-TURN, TURNS = math.pi / 24.0, 12
-TURNED = tuple((math.cos(TURN * k), math.sin(TURN * k)) for k in range(-TURNS, TURNS + 1))
-
-#: Value of a way of 1 m across the desired direction, in metres along it; and of a way along the present heading.
-ASIDE, STEADY = 0.3, 0.1
-
-#: Length of the way within which people beside those who stand heed walls, and speed from which on they do [m, m/s].
-NEAR_WALL, SLOW = 0.5, 0.05
-
-#: How far behind a person the nearest place of a wall may be from which it steps away [m].
-BEHIND = 0.05
-
-#: Share of a wanted change of velocity that is made by the time a person comes near those who stand.
-SOON = 0.5
+#: Whether walls hide somebody; it is found out when somebody would restrict a person.
+HIDDEN, IN_SIGHT, UNKNOWN = 0, 1, 2
 
 
 class Rule(Struct):
     """The parameters of `Walking`."""
 
     chest_depth: float
-    time_gap: float
+    breadth: float
     length: float
-    anticipation: float
-    width: float
-    edge: float
-    stair_time_gap: float
     stair_length: float
-    oncoming_time_gap: float
-    oncoming_length: float
-    oncoming_width: float
-    side_step: float
-    side_range: float
-    side_time: float
-    side_limit: float
+    headway: float
+    anticipation: float
+    foresight: float
+    horizon: float
+    stop_time: float
     right: float
-    wall_step: float
-    wall_distance: float
     reaction_time: float
     creep: float
-    sight: float
+    push: float
+    clearance: float
 
 
 class Motion(Struct):
@@ -92,71 +79,79 @@ class Motion(Struct):
 
     heading: Pairs  # (n, 2) unit heading of the last tick; (0, 0) before the first one
     next: Pairs  # (n, 2) that of this tick
+    desired: Pairs  # (n, 2) unit direction of the desired velocity of this tick
     velocity: Pairs  # (n, 2) displacement velocity in the last tick [m/s]
     factor: Floats  # (n,) share of the desired speed
-    side: Floats  # (n,) side to which a person steps for somebody exactly ahead, 1 or -1
+    left: Floats  # (n,) speed that others left in the last tick, by which people decide how far they look [m/s]
+
+
+class Seen(Struct):
+    """The people near one person who may restrict it."""
+
+    number: int
+    who: Ints  # (n,)
+    relation: Bytes  # (n,) LEADS, PASSES, STANDS or BESIDE
+    sight: Bytes  # (n,) HIDDEN, IN_SIGHT or UNKNOWN
+    place: Pairs  # (n, 2) from the person [m]
+    velocity: Pairs  # (n, 2) [m/s]
+    distance: Floats  # (n,) of centres [m]
+    reach: Floats  # (n,) sum of the contact radii [m]
+    bound: Floats  # (n,) speed below which the person does not restrict along any heading [m/s]
+    order: Ints  # (n,) their rows, the lowest bound first
 
 
 class Walking(Behaviour):
-    """People keep distances, anticipate the motion of others, step aside, and do not push.
+    """People keep distances, take the heading along which they get on best, let others pass, and do not push.
 
-    At every tick, people choose a heading and a speed from what they see within `sight`, also through portals, but not
-    behind walls. For a person i and another person j, e is the desired direction of i, h and h_j are the headings, u_j
-    is the velocity of j, s is the distance of centres, and r are contact radii.
+    At every tick, people choose a heading and a speed from what they see within the way of `horizon`, also through
+    portals, but not behind walls. For a person i, e is the desired direction, h the heading and v0 the desired speed;
+    for another person j, s is the distance of centres, h_j the heading and u_j the velocity.
 
-    Heading: A person steps aside for everybody who walks ahead of e or of the present heading, by
+    Speed that j leaves to i along h:
 
-        k (1 + (1 - e.h_j) / 2) exp(-max(0, s - r_i - r_j - c t_s) / D)
+    - j walks the same way (with the same route and e.h_j > 0, or with directions less than 45 degrees apart) and is
+      farther ahead: (s - w l + T_a max(0, u_j.h)) / (w (T + T_a)). The weight is w = min(1, 2 (1 - y / b)), where y is
+      the distance of j beside the line of h, now or after the time t_f, whichever is less, and 0 if j changes sides.
+      In single file at the speed u, distances are l + T u.
+    - j walks another way: the free way along h at v0 until the bodies touch while j keeps its velocity, divided by
+      t_h. Of two who cross, at directions 45 to 135 degrees apart, only the one behind heeds the other. Oncoming people
+      count as if they were `right` farther to the left, so that people pass on the right.
+    - j stands: as on another way.
 
-    away from the side on which j will be after the time t_s. Here c is the speed at which the two approach each other.
-    Oncoming people (e.h_j < 0) are taken to be `right` farther to the left, so that people pass on the right. A person
-    also steps away from the nearest wall on either side, by k_w (1 - d / d_w) at the distance d. The sum S of all side
-    steps is at most `side_limit`. The heading turns towards e + S n, with n normal to e, with the time constant
-    `reaction_time`.
+    Heading: among those up to 75 degrees from e, the one with the greatest product of the speed that people and walls
+    leave along it and the cosine of its angle to e, and a step away from walls nearer than `clearance`. The step is
+    that of the place where the person will be after the reaction time and the relaxation time, so that nobody swings
+    from wall to wall. The heading turns towards it with the time constant `reaction_time`.
 
-    Speed: With the previous desired speed v, the speed becomes
+    Speed: the least that others leave along the heading, where those on other ways and those who stand count until
+    t_s before the bodies touch. It is at least `creep`, but 0 behind people on the same route and before people who
+    have not started, so that queues keep their distances and nobody pushes.
 
-        min(v, max(V, (s - g l + T_a max(0, u_j.h)) / (g T)))
-
-    for that j for whom it is least, among all people who are
-
-    - seen ahead of h, and of e or the previous heading. The weight g is 1 up to the distance `width` beside the line of
-      the heading and decreases to 0 over the distance `edge`, so that people follow those in their own lane;
-    - farther ahead on the way: with a smaller remaining travel time on the same route or, on another route, ahead along
-      the sum of both desired directions. Oncoming people count with the parameters for them, and g = 1.
-
-    The least speed V is `creep`, so that nobody waits for ever. Behind people on the same route it is 0, so that queues
-    keep their distances and nobody pushes. If all people in a file have the speed u, their distance is l + (T - T_a) u.
-
-    Standing people, who have not started yet or wait for others, are walked around. If one of them is in the way, the
-    heading turns towards the direction in which the person gets farthest, up to 90 degrees from e + S n, with a gap of
-    0.05 m to bodies and walls. If there is none, the person waits for those who have not started, and creeps past those
-    who wait for others or never start. Near standing people, everybody also slows down for people who walk beside them.
-    Before people start, forces between people do not move them.
+    Bodies: what leads into a body within t_s is removed from the velocity. On other ways, it is turned to the right of
+    those who come and behind those who cross, and up to `push` of it remains, so that nobody waits for ever.
 
     Bodies that touch have half the depth of the chest as radius, because shoulders turn. For wider bodies, such as
-    wheelchairs, the distances and widths increase by the excess width of both. Of two wide bodies that meet on the same
-    route, the one behind waits. They keep their sides away from walls, and do not step towards a wall that they touch.
-    People who have left count until they are 2 m behind their exit; they keep distances, but do not step aside.
+    wheelchairs, the distances increase by the excess width of both. People who have left count until they are 2 m
+    behind their exit; they keep distances, but do not turn aside. Before people start, forces between people do not
+    move them.
 
     Notes
     -----
-    In single file, the distance is 0.43 m + 0.73 s u. Seyfried et al. measured 0.36 m + 1.06 s u, which agrees at the
-    speeds of queues. `length`, `time_gap`, `anticipation`, side steps, steps away from walls, `width`, `edge` and
-    `chest_depth` are fitted to measured flows through doors of 0.6, 0.8, 1.2 and 2.5 m, to speeds below 2 people per
-    square metre in a corridor and in a corridor with two directions ([people](evidence/people/README.md)), and to
-    Weidmann's diagram from 2 to 3.5 per square metre in a corridor of 2.4 m with narrow ends. `stair_time_gap` and
-    `stair_length` are fitted to the flow down a stair.
+    `length` and `headway` are close to single file as measured by Seyfried et al., where distances are 0.36 m + 1.06
+    s u. `chest_depth`, `breadth`, `anticipation`, `reaction_time` and `clearance` are fitted to flows through doors
+    of 0.5 to 2.5 m and to speeds in a corridor, `foresight` to the difference between doors with necks of 0.25 and
+    2.8 m, `stair_length` to the flow down a stair, `horizon`, `stop_time`, `right`, `push` and `creep` to people who
+    come towards each other or cross, who must not block each other. The remaining numbers are the gap of 0.05 m to
+    the bodies of others and, for ways round a crowd, its density of 1 per square metre.
 
     References
     ----------
     Tordeux, Chraibi, Seyfried: Collision-free speed model for pedestrian dynamics. Traffic and Granular Flow '15
-    (2016), 225-232, for the speed; Seyfried, Steffen, Klingsch, Boltes: The fundamental diagram of pedestrian movement
-    revisited. Journal of Statistical Mechanics (2005) P10002, for distances in single file; Xu, Chraibi, Seyfried:
-    Anticipation in a velocity-based model for pedestrian dynamics. Transportation Research C 133 (2021) 103464, for
-    side steps; Moussaid, Helbing, Theraulaz: How simple rules determine pedestrian behavior and crowd disasters. PNAS
-    108 (2011) 6884-6888, for ways around standing people; Weidmann: Transporttechnik der Fussgaenger, ETH Zurich
-    (1993). Lanes, steps away from walls, the reaction time and creeping are additions.
+    (2016), 225-232, and Xu, Chraibi, Seyfried: Anticipation in a velocity-based model for pedestrian dynamics.
+    Transportation Research C 133 (2021) 103464, for the speed; Seyfried, Steffen, Klingsch, Boltes: The fundamental
+    diagram of pedestrian movement revisited. Journal of Statistical Mechanics (2005) P10002, for distances in single
+    file; Moussaid, Helbing, Theraulaz: How simple rules determine pedestrian behavior and crowd disasters. PNAS 108
+    (2011) 6884-6888, for the comparison of headings.
     """
 
     name = "walking"
@@ -169,43 +164,49 @@ class Walking(Behaviour):
 
     preset = Parameter(
         "measured",
-        "measured: as in experiments; regulation: without anticipation, with the flows through doors that standard "
-        "tests prescribe",
+        "measured: as in experiments; regulation: without anticipation and with 3.2 times the headway, with the flows "
+        "through doors that standard tests prescribe",
         choices=("measured", "regulation"),
     )
     chest_depth = Parameter(
         0.30, "depth of the chest, the diameter of bodies that touch", "m", minimum=0.02, maximum=2.0
     )
-    time_gap = Parameter(1.95, "time gap T to a standing person ahead", "s", above=0.0, maximum=60.0)
-    length = Parameter(0.43, "distance of centres l at which people stop behind others", "m", minimum=0.0, maximum=2.0)
+    breadth = Parameter(
+        0.61,
+        "breadth b of the shoulders: people beside the way restrict nobody from it on",
+        "m",
+        above=0.1,
+        maximum=4.0,
+    )
+    length = Parameter(0.4, "distance of centres l at which people stop behind others", "m", minimum=0.0, maximum=2.0)
+    stair_length = Parameter(0.6, "distance l on stairs", "m", minimum=0.0, maximum=2.0)
+    headway = Parameter(
+        0.8, "time T by which the distance in a file increases with the speed", "s", above=0.0, maximum=60.0
+    )
     anticipation = Parameter(
-        1.22, "time T_a for which the motion of the person ahead counts", "s", minimum=0.0, maximum=5.0
+        2.2, "time T_a for which the motion of the person ahead counts", "s", minimum=0.0, maximum=60.0
     )
-    width = Parameter(0.25, "distance beside the heading up to which people are ahead", "m", minimum=0.0, maximum=4.0)
-    edge = Parameter(
-        0.15, "distance beyond `width` over which the weight of people decreases to zero", "m", above=0.0, maximum=4.0
+    foresight = Parameter(
+        0.8, "time t_f after which people ahead count where they will be", "s", minimum=0.0, maximum=10.0
     )
-    stair_time_gap = Parameter(1.92, "time gap on stairs", "s", above=0.0, maximum=60.0)
-    stair_length = Parameter(0.5, "distance l on stairs", "m", minimum=0.0, maximum=2.0)
-    oncoming_time_gap = Parameter(0.5, "time gap to oncoming people", "s", above=0.0, maximum=60.0)
-    oncoming_length = Parameter(0.25, "distance l to oncoming people", "m", minimum=0.0, maximum=2.0)
-    oncoming_width = Parameter(
-        0.2, "greatest distance of oncoming people beside the heading", "m", minimum=0.0, maximum=2.0
+    horizon = Parameter(
+        1.5, "time t_h for which people look ahead when they compare headings", "s", minimum=0.1, maximum=10.0
     )
-    side_step = Parameter(3.0, "strength of side steps", minimum=0.0, maximum=100.0)
-    side_range = Parameter(0.26, "range of side steps", "m", minimum=0.01, maximum=10.0)
-    side_time = Parameter(0.6, "time for which motion is anticipated in side steps", "s", minimum=0.0, maximum=10.0)
-    side_limit = Parameter(2.0, "greatest side step", minimum=0.0, maximum=100.0)
+    stop_time = Parameter(
+        0.5, "time t_s in which people stop before they touch others", "s", minimum=0.05, maximum=10.0
+    )
     right = Parameter(
-        0.3, "distance by which oncoming people are taken to be farther to the left", "m", minimum=-5.0, maximum=5.0
+        0.1, "distance by which oncoming people seem to be farther to the left", "m", minimum=-5.0, maximum=5.0
     )
-    wall_step = Parameter(10.0, "strength k_w of steps away from walls", minimum=0.0, maximum=100.0)
-    wall_distance = Parameter(
-        0.31, "distance d_w below which people step away from walls", "m", above=0.0, maximum=BUCKET_REACH
+    reaction_time = Parameter(0.2, "time constant with which the heading turns", "s", minimum=0.0, maximum=10.0)
+    creep = Parameter(0.2, "least speed of people who are blocked by others", "m/s", minimum=0.0, maximum=1.0)
+    push = Parameter(
+        1.0, "greatest speed at which people touch those who walk another way", "m/s", minimum=0.0, maximum=5.0
     )
-    reaction_time = Parameter(0.3, "time constant with which the heading turns", "s", minimum=0.0, maximum=10.0)
-    creep = Parameter(0.1, "least speed of people who are blocked by others", "m/s", minimum=0.0, maximum=1.0)
-    sight = Parameter(2.0, "distance within which people react to others", "m", minimum=0.1, maximum=20.0)
+
+    clearance = Parameter(
+        0.2, "distance that people keep from walls where there is room", "m", minimum=0.0, maximum=BUCKET_REACH
+    )
 
     def contact_radius(self, radius: FloatArray, settings: Mapping[str, Any]) -> FloatArray:
         """Return half the depth of the chest, since shoulders turn; at most the radius."""
@@ -218,18 +219,32 @@ class Walking(Behaviour):
         self._world, self._outside, self._tick = scene.world, scene.outside, scene.tick
         self._displacement_velocity = scene.displacement_velocity
         self._sights = make_sights(n, levels)
-        side = np.where(scene.generator.random(n) < 0.5, -1.0, 1.0)
+        heading, following, desired, velocity = np.zeros((4, n, 2))
+        factor, left = np.ones((2, n))
         self._motion = Motion(
-            heading=np.zeros((n, 2)), next=np.zeros((n, 2)), velocity=np.zeros((n, 2)), factor=np.ones(n), side=side
+            heading=heading, next=following, desired=desired, velocity=velocity, factor=factor, left=left
+        )
+        self._seen = Seen(
+            number=0,
+            who=np.zeros(n, np.int32),
+            relation=np.zeros(n, np.uint8),
+            sight=np.zeros(n, np.uint8),
+            place=np.zeros((n, 2)),
+            velocity=np.zeros((n, 2)),
+            distance=np.zeros(n),
+            reach=np.zeros(n),
+            bound=np.zeros(n),
+            order=np.zeros(n, np.int32),
         )
         self._rule = Rule(**{name: getattr(self, name) for name in Rule.kinds})
         if self.preset == "regulation":
             self._rule.anticipation = 0.0
+            self._rule.headway = 3.2 * self.headway
 
     def act(self, crowd: Crowd, time: float) -> None:
         """Set the heading of everybody, and the speed with it."""
         self._motion.velocity[:] = self._displacement_velocity
-        walk(self._world, crowd, self._outside, self._sights, self._motion, self._rule, self._tick, time)
+        walk(self._world, crowd, self._outside, self._sights, self._seen, self._motion, self._rule, self._tick, time)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the headings of the last tick."""
@@ -243,7 +258,15 @@ class Walking(Behaviour):
 
 @kernel
 def walk(
-    world: World, crowd: Crowd, outside: Outside, sights: Sights, motion: Motion, rule: Rule, tick: float, time: float
+    world: World,
+    crowd: Crowd,
+    outside: Outside,
+    sights: Sights,
+    seen: Seen,
+    motion: Motion,
+    rule: Rule,
+    tick: float,
+    time: float,
 ) -> None:
     """Apply the rules of `Walking` to all people inside who have started, and to those outside."""
     if look_round(world, crowd, outside, sights) == 0:
@@ -253,10 +276,9 @@ def walk(
     turn = 1.0
     if rule.reaction_time > 0.0:
         turn = 1.0 - math.exp(-tick / rule.reaction_time)
-    someone_stands = False
     for i in range(n):
-        someone_stands = someone_stands or (0 <= sights.level[i] < sights.levels and sights.wanted[i] <= 0.0)
         motion.next[i, 0], motion.next[i, 1] = sights.direction[i, 0], sights.direction[i, 1]
+        motion.desired[i, 0], motion.desired[i, 1] = sights.direction[i, 0], sights.direction[i, 1]
         if sights.level[i] >= sights.levels:
             motion.velocity[i, 0], motion.velocity[i, 1] = outside.velocity[i, 0], outside.velocity[i, 1]
         if motion.heading[i, 0] == 0.0 and motion.heading[i, 1] == 0.0:
@@ -264,7 +286,7 @@ def walk(
     for i in range(n):
         motion.factor[i] = 1.0
         if sights.wanted[i] > 0.0:
-            decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i)
+            decide(world, crowd, sights, seen, motion, rule, turn, time, i)
     for i in range(n):
         motion.heading[i, 0], motion.heading[i, 1] = motion.next[i, 0], motion.next[i, 1]
         if sights.wanted[i] <= 0.0:
@@ -277,42 +299,52 @@ def walk(
         if crowd.extra_direction[i, 0] != 0.0 or crowd.extra_direction[i, 1] != 0.0:
             column = column_of(world.fields, crowd.route[i], crowd.contact_radius[i])
             ex, ey = sample_direction(world.fields, crowd.position[i, 0], crowd.position[i, 1], crowd.level[i], column)
-        crowd.extra_direction[i, 0] = motion.next[i, 0] - ex
-        crowd.extra_direction[i, 1] = motion.next[i, 1] - ey
+        crowd.extra_direction[i, 0] = motion.desired[i, 0] - ex
+        crowd.extra_direction[i, 1] = motion.desired[i, 1] - ey
 
 
 @inner
-def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  # type: ignore[no-untyped-def]
+def decide(world, crowd, sights, seen, motion, rule, turn, time, i):  # type: ignore[no-untyped-def]
     """Set heading and speed of person i."""
     wanted = sights.wanted[i]
     is_inside = sights.level[i] < sights.levels
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     if ex == 0.0 and ey == 0.0:  # no way is open
         return
-    hx, hy = motion.heading[i, 0], motion.heading[i, 1]
-    length, gap = rule.length, rule.time_gap
+    length = rule.length
     if is_inside:
         climb = ex * world.uphill[sights.level[i], 0] + ey * world.uphill[sights.level[i], 1]
-        if climb != 0.0:
-            length, gap = rule.stair_length, rule.stair_time_gap
-    if someone_stands:
-        list_near(world, sights, i, rule.sight, 0.0, 0.0, 0.0, 0.0)
-    else:
-        list_near(world, sights, i, rule.sight, ex, ey, hx, hy)
-    first, free = sights.number, rule.sight
+        length = rule.stair_length if climb != 0.0 else length
+    # People so far away that they leave more than was left before are looked at only if those nearer leave more, too.
+    most = min(motion.left[i] + FAINT, wanted)
+    found, speed = get_on(world, crowd, sights, seen, motion, rule, length, turn, time, most, i)
+    if found > most and most < wanted:
+        found, speed = get_on(world, crowd, sights, seen, motion, rule, length, turn, time, wanted, i)
+    motion.left[i] = found
     if is_inside:
-        if someone_stands:
-            first = list_standing(world, sights, rule, i)
-        side = side_step(world, crowd, sights, motion, rule, first, i) if rule.side_step > 0.0 else 0.0
-        if rule.wall_step > 0.0 and sights.open_to[i] == 0.0:
-            step, lowest, highest = wall_step(world, crowd, sights, rule, i)
-            side = min(max(side + step, lowest), highest)
-        side = min(max(side, -rule.side_limit), rule.side_limit)
-        tx, ty = ex - side * ey, ey + side * ex
-        norm = math.sqrt(tx * tx + ty * ty)
-        tx, ty = tx / norm, ty / norm
-        if first < sights.number:
-            tx, ty, free = way_round(world, crowd, sights, motion, rule, first, i, tx, ty)
+        hx, hy = motion.next[i, 0], motion.next[i, 1]
+        vx, vy = keep_off(world, crowd, sights, seen, rule, i, speed * hx, speed * hy)
+        speed = math.sqrt(vx * vx + vy * vy)
+        if speed > 1e-6:
+            motion.desired[i, 0], motion.desired[i, 1] = vx / speed, vy / speed
+    motion.factor[i] = speed / wanted
+
+
+@inner
+def get_on(world, crowd, sights, seen, motion, rule, length, turn, time, most, i):  # type: ignore[no-untyped-def]
+    """Set the heading of person i; return the speed that people left along the best one at most, and its speed."""
+    wanted = sights.wanted[i]
+    ex, ey = sights.direction[i, 0], sights.direction[i, 1]
+    hx, hy = motion.heading[i, 0], motion.heading[i, 1]
+    found = 0.0
+    look(world, crowd, sights, seen, motion, rule, length, most, i)
+    if sights.level[i] < sights.levels:
+        tx, ty, found = choose_heading(world, crowd, sights, seen, motion, rule, length, i)
+        if sights.open_to[i] == 0.0:
+            side = step_from_walls(world, crowd, sights, motion, rule, i)
+            tx, ty = tx - side * ey, ty + side * ex
+            norm = math.sqrt(tx * tx + ty * ty)
+            tx, ty = tx / norm, ty / norm
         share = 1.0 if (ex * tx + ey * ty) * (ex * hx + ey * hy) < 0.0 else turn
         gx, gy = hx + share * (tx - hx), hy + share * (ty - hy)
         norm = math.sqrt(gx * gx + gy * gy)
@@ -320,205 +352,170 @@ def decide(world, crowd, sights, motion, rule, turn, time, someone_stands, i):  
             gx, gy, norm = tx, ty, 1.0
         hx, hy = gx / norm, gy / norm
         motion.next[i, 0], motion.next[i, 1] = hx, hy
-    best, least = speed_behind(world, crowd, sights, motion, rule, i, hx, hy, length, gap)
-    if first < sights.number:
-        free = min(free, free_way(crowd, sights, motion, rule, first, sights.number, i, hx, hy, SOON, TOUCHING))
-        free = min(free, free_way(crowd, sights, motion, rule, first, sights.number, i, hx, hy, 0.0, TOUCHING))
-        free = free_of_walls(world, crowd, sights, motion, i, free)
-        walkers = free_way(crowd, sights, motion, rule, 0, first, i, hx, hy, SOON, TOUCHING)
-        # A way of tau u is left to the present velocity u after the desired one is zero.
-        stop = crowd.tau[i] * math.sqrt(motion.velocity[i, 0] ** 2 + motion.velocity[i, 1] ** 2)
-        if min(free, walkers) < rule.sight:
-            best = max(min(best, (min(free, walkers) - stop) / rule.oncoming_time_gap), 0.0)
-        if free < rule.sight and will_start(crowd, sights, first, time):
-            least = min(max((free - stop) / rule.oncoming_time_gap, 0.0), least)
-    motion.factor[i] = max(best, least) / wanted
-
-
-@inner
-def speed_behind(world, crowd, sights, motion, rule, i, hx, hy, length, gap):  # type: ignore[no-untyped-def]
-    """Return the speed at which person i keeps its distances along h, and the one below which it does not fall."""
-    wanted, is_inside = sights.wanted[i], sights.level[i] < sights.levels
     best, least = wanted, min(rule.creep, wanted)
-    for k in range(sights.number):
-        j = sights.near[k]
-        if sights.wanted[j] <= 0.0 or j == i:
-            continue
-        dx = sights.position[j, 0] - sights.position[i, 0]
-        dy = sights.position[j, 1] - sights.position[i, 1]
-        square = dx * dx + dy * dy
-        beside = abs(hx * dy - hy * dx)
-        wide = max(crowd.contact_radius[i] + crowd.contact_radius[j] - rule.chest_depth, 0.0)
-        share = min((rule.width + rule.edge + wide - beside) / rule.edge, 1.0)
-        nearest = share * (length + gap * best) + wide
-        if beside <= rule.oncoming_width + wide:
-            nearest = max(nearest, rule.oncoming_length + wide + rule.oncoming_time_gap * best)
-        # In one branch, which is rarely taken: is this person ahead, and near enough to restrict the speed even more?
-        if not ((hx * dx + hy * dy > 0.0) & (share > 0.0) & (square < nearest * nearest)):
-            continue
-        distance, within, leads_on = share * length + wide, share * gap, crowd.route[i] == crowd.route[j]
-        is_oncoming = hx * motion.heading[j, 0] + hy * motion.heading[j, 1] <= 0.0
-        if is_oncoming and not (wide > 0.0 and leads_on):
-            if beside > rule.oncoming_width + wide or not is_inside:
-                continue
-            distance, within, leads_on = rule.oncoming_length + wide, rule.oncoming_time_gap, False
-        elif not is_ahead(crowd, sights, i, j, dx, dy):
-            continue
-        s = math.sqrt(square)
-        leads = motion.velocity[j, 0] * hx + motion.velocity[j, 1] * hy
-        speed = (s - distance + rule.anticipation * max(leads, 0.0)) / within
-        if speed >= best:
-            continue
-        if (s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j):
-            best, least = speed, 0.0 if leads_on else min(rule.creep, wanted)
-    return best, least
+    for rank in range(seen.number):
+        k = seen.order[rank]
+        if seen.bound[k] >= best:
+            break
+        if seen.relation[k] == LEADS:
+            left = speed_behind(seen, rule, k, hx, hy, length)
+        else:
+            left = free_way(crowd, seen, motion, rule, k, wanted, i, hx, hy)
+            if seen.relation[k] == STANDS:  # a way of tau u is left to the present velocity u
+                left -= crowd.tau[i] * math.sqrt(motion.velocity[i, 0] ** 2 + motion.velocity[i, 1] ** 2)
+            left = max(left, 0.0) / rule.stop_time
+        if left < best and is_seen(world, sights, seen, i, k):
+            best, least = left, min(rule.creep, wanted)
+            start = crowd.start_time[seen.who[k]]
+            if seen.relation[k] == LEADS or (seen.relation[k] == STANDS and time < start < math.inf):
+                least = 0.0
+    return max(found, best), max(best, least)
 
 
 @inner
-def list_standing(world, sights, rule, i):  # type: ignore[no-untyped-def]
-    """Move the people inside whom person i sees standing to the end of `sights.near`; return the place of the first."""
-    first, k = sights.number, 0
-    while k < first:
-        j = sights.near[k]
-        k += 1
-        if sights.wanted[j] > 0.0 or sights.level[j] >= sights.levels:
-            continue
-        dx, dy = sights.position[j, 0] - sights.position[i, 0], sights.position[j, 1] - sights.position[i, 1]
-        s = math.sqrt(dx * dx + dy * dy)
-        if not 0.0 < s <= rule.sight:
-            continue
-        if (s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j):
-            k, first = k - 1, first - 1
-            sights.near[k], sights.near[first] = sights.near[first], j
-    return first
-
-
-@inner
-def will_start(crowd, sights, first, time):  # type: ignore[no-untyped-def]
-    """Return whether one of those who stand starts later."""
-    latest = -math.inf
-    for k in range(first, sights.number):
-        start = crowd.start_time[sights.near[k]]
-        latest = max(latest, start) if start < math.inf else latest
-    return time < latest
-
-
-@inner
-def free_way(crowd, sights, motion, rule, first, last, i, hx, hy, soon, clearance):  # type: ignore[no-untyped-def]
-    """Return how far person i can walk towards h before it is at a distance `clearance` from some of those near.
-
-    The way leads along the present velocity plus a share `soon` of the change to the desired one; others keep theirs.
-    """
-    ux, uy = motion.velocity[i, 0], motion.velocity[i, 1]
-    x, y = ux + soon * (sights.wanted[i] * hx - ux), uy + soon * (sights.wanted[i] * hy - uy)
-    speed, free = math.sqrt(x * x + y * y), rule.sight
-    for k in range(first, last):
-        j = sights.near[k]
-        dx, dy = sights.position[j, 0] - sights.position[i, 0], sights.position[j, 1] - sights.position[i, 1]
-        rx, ry = x - motion.velocity[j, 0], y - motion.velocity[j, 1]
-        norm = math.sqrt(rx * rx + ry * ry)
-        if j == i or norm < FAINT or x * dx + y * dy <= 0.0:
-            continue
-        along, beside = (rx * dx + ry * dy) / norm, (rx * dy - ry * dx) / norm
-        reach = crowd.contact_radius[i] + crowd.contact_radius[j] + clearance
-        if along > 0.0 and abs(beside) < reach:
-            free = min(free, max(along - math.sqrt(reach * reach - beside * beside), 0.0) * speed / norm)
-    return free
-
-
-@inner
-def way_round(world, crowd, sights, motion, rule, first, i, tx, ty):  # type: ignore[no-untyped-def]
-    """Return the direction near (tx, ty) that leads person i past those who stand, and the free distance [m]."""
-    free = free_way(crowd, sights, motion, rule, first, sights.number, i, tx, ty, SOON, CLEARANCE)
-    if free == rule.sight:
-        return tx, ty, free
-    level, x, y = sights.level[i], sights.position[i, 0], sights.position[i, 1]
-    bx, by, most, farthest = tx, ty, -math.inf, free
-    for k in range(-TURNS, TURNS + 1):
-        cosine, sine = TURNED[k + TURNS]
-        cx, cy = cosine * tx - sine * ty, sine * tx + cosine * ty
-        free = free_way(crowd, sights, motion, rule, first, sights.number, i, cx, cy, SOON, CLEARANCE)
-        if k != 0:
-            free = way_to_wall(world, level, x, y, cx, cy, free, crowd.contact_radius[i])
-        value = free * (cosine + ASIDE) + STEADY * (cx * motion.heading[i, 0] + cy * motion.heading[i, 1])
-        if value > most:
-            bx, by, most, farthest = cx, cy, value, free
-    return bx, by, farthest
-
-
-@inner
-def free_of_walls(world, crowd, sights, motion, i, free):  # type: ignore[no-untyped-def]
-    """Return the free distance of person i, or a shorter one if its velocity leads into a wall within `NEAR_WALL`."""
-    ux, uy = motion.velocity[i, 0], motion.velocity[i, 1]
-    u = math.sqrt(ux * ux + uy * uy)
-    if u < SLOW:
-        return free
-    near, radius = min(free, NEAR_WALL), crowd.contact_radius[i] - TOUCHING
-    x, y = sights.position[i, 0], sights.position[i, 1]
-    found = way_to_wall(world, sights.level[i], x, y, ux / u, uy / u, near, radius)
-    return found if found < near else free
-
-
-@inner
-def way_to_wall(world, level, x, y, cx, cy, free, radius):  # type: ignore[no-untyped-def]
-    """Return a way of at most `free` towards c that leads neither side of a body into a wall, by halving it [m]."""
-    for side in (-radius, radius):
-        ax, ay = x - side * cy, y + side * cx
-        while free > 0.0 and is_hidden(
-            world, level, ax, ay, level, ax + (free + radius) * cx, ay + (free + radius) * cy
-        ):
-            free = 0.5 * free if free > 2.0 * TOUCHING else 0.0
-    return free
-
-
-@inner
-def side_step(world, crowd, sights, motion, rule, first, i):  # type: ignore[no-untyped-def]
-    """Return the side step of person i, relative to the desired direction, positive to the left."""
+def look(world, crowd, sights, seen, motion, rule, length, most, i):  # type: ignore[no-untyped-def]
+    """List the people near person i who may leave it less than the speed `most`, or touch it."""
+    wanted, is_inside = sights.wanted[i], sights.level[i] < sights.levels
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     hx, hy = motion.heading[i, 0], motion.heading[i, 1]
-    vx, vy = motion.velocity[i, 0], motion.velocity[i, 1]
-    total = 0.0
-    farthest = rule.side_range * math.log(2.0 * rule.side_step / FAINT)  # gap at which the greatest weight is faint
-    for k in range(first):
+    list_near(world, sights, i, length + rule.horizon * wanted, ex, ey, hx, hy)
+    seen.number = 0
+    for k in range(sights.number):
         j = sights.near[k]
-        dx = sights.position[j, 0] - sights.position[i, 0]
-        dy = sights.position[j, 1] - sights.position[i, 1]
-        square = dx * dx + dy * dy
-        s = math.sqrt(square)
-        wx, wy = motion.velocity[j, 0], motion.velocity[j, 1]
-        closing = ((vx - wx) * dx + (vy - wy) * dy) / max(s, ON_LINE)
-        gap = s - crowd.contact_radius[i] - crowd.contact_radius[j] - closing * rule.side_time
-        in_front = (ex * dx + ey * dy >= 0.0) | (hx * dx + hy * dy >= 0.0)
-        if not (in_front & (gap <= farthest) & (s <= rule.sight) & (square > 0.0)):
+        dx, dy = sights.position[j, 0] - sights.position[i, 0], sights.position[j, 1] - sights.position[i, 1]
+        s = math.sqrt(dx * dx + dy * dy)
+        if j == i or s == 0.0:
             continue
-        cosine = ex * motion.heading[j, 0] + ey * motion.heading[j, 1]
-        weight = rule.side_step * (1.0 + 0.5 * (1.0 - cosine)) * math.exp(-max(gap, 0.0) / rule.side_range)
-        if weight < FAINT:
+        ux, uy = motion.velocity[j, 0], motion.velocity[j, 1]
+        reach = crowd.contact_radius[i] + crowd.contact_radius[j]
+        relation, bound = relation_of(crowd, sights, motion, i, j, dx, dy), math.inf
+        if relation == LEADS:
+            bound = (s - max(reach - rule.chest_depth, 0.0) - length) / (rule.headway + rule.anticipation)
+        elif not is_inside or sights.level[j] >= sights.levels:
+            relation = BESIDE
+        elif relation == PASSES:
+            way = max(s - reach - GAP - abs(rule.right), 0.0) * wanted / (wanted + math.sqrt(ux * ux + uy * uy))
+            bound = way / max(rule.horizon, rule.stop_time)
+        elif relation == STANDS:
+            bound = -math.inf
+        if bound >= most and (s > reach + GAP + rule.stop_time * wanted or not is_inside):
             continue
-        if not ((s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j)):
-            continue
-        # Where j will be, to the left of the way.
-        across = ex * (dy + wy * rule.side_time) - ey * (dx + wx * rule.side_time)
-        if cosine < 0.0:
-            across += rule.right
-        if abs(across) < ON_LINE:
-            across = motion.side[i]
-        total += -weight if across > 0.0 else weight
-    return total
+        m = place = seen.number
+        is_clear = not is_inside or (s <= sights.open_to[i] and sights.level[j] == sights.level[i])
+        seen.sight[m] = IN_SIGHT if is_clear else UNKNOWN
+        seen.who[m], seen.relation[m], seen.distance[m], seen.reach[m] = j, relation, s, reach
+        seen.place[m, 0], seen.place[m, 1] = dx, dy
+        seen.velocity[m, 0], seen.velocity[m, 1], seen.bound[m] = ux, uy, bound
+        while place > 0 and seen.bound[seen.order[place - 1]] > bound:
+            seen.order[place] = seen.order[place - 1]
+            place -= 1
+        seen.order[place] = m
+        seen.number = m + 1
 
 
 @inner
-def wall_step(world, crowd, sights, rule, i):  # type: ignore[no-untyped-def]
-    """Return the step of person i away from walls, and the lowest and highest side step that walls leave.
+def is_seen(world, sights, seen, i, k):  # type: ignore[no-untyped-def]
+    """Return whether person i sees the k-th person near it."""
+    if seen.sight[k] == UNKNOWN:
+        seen.sight[k] = IN_SIGHT if sees(world, sights, i, seen.who[k]) else HIDDEN
+    return seen.sight[k] == IN_SIGHT
 
-    Side steps are relative to the desired direction, positive to the left. Walls leave no step towards a wall to a wide
-    body that touches it.
+
+@inner
+def relation_of(crowd, sights, motion, i, j, dx, dy):  # type: ignore[no-untyped-def]
+    """Return what person j, at (dx, dy) from i, is to it."""
+    if sights.wanted[j] <= 0.0:
+        return STANDS
+    ex, ey = sights.direction[i, 0], sights.direction[i, 1]
+    cosine = ex * motion.heading[j, 0] + ey * motion.heading[j, 1]
+    is_same = crowd.route[i] == crowd.route[j] or sights.level[i] >= sights.levels
+    if (is_same or cosine > -DIAGONAL) and not is_ahead(crowd, sights, i, j, dx, dy):
+        return BESIDE
+    return LEADS if cosine > (0.0 if is_same else DIAGONAL) else PASSES
+
+
+@inner
+def speed_behind(seen, rule, k, hx, hy, length):  # type: ignore[no-untyped-def]
+    """Return the speed along h that the k-th person, who walks ahead, leaves."""
+    dx, dy = seen.place[k, 0], seen.place[k, 1]
+    if hx * dx + hy * dy <= 0.0:
+        return math.inf
+    wide = max(seen.reach[k] - rule.chest_depth, 0.0)
+    beside = hx * dy - hy * dx
+    later = beside + rule.foresight * (hx * seen.velocity[k, 1] - hy * seen.velocity[k, 0])
+    near = 0.0 if beside * later <= 0.0 else min(abs(beside), abs(later))
+    share = min(2.0 * (1.0 - (near - wide) / rule.breadth), 1.0)
+    if share <= 0.0:
+        return math.inf
+    leads = max(seen.velocity[k, 0] * hx + seen.velocity[k, 1] * hy, 0.0)
+    left = seen.distance[k] - wide - share * length + rule.anticipation * leads
+    return left / (share * (rule.headway + rule.anticipation))
+
+
+@inner
+def free_way(crowd, seen, motion, rule, k, wanted, i, hx, hy):  # type: ignore[no-untyped-def]
+    """Return how far person i can walk along h until it touches the k-th person, who keeps its velocity [m]."""
+    dx, dy, s = seen.place[k, 0], seen.place[k, 1], seen.distance[k]
+    rx, ry = wanted * hx - seen.velocity[k, 0], wanted * hy - seen.velocity[k, 1]
+    norm = math.sqrt(rx * rx + ry * ry)
+    if norm < FAINT:
+        return math.inf
+    ahead, across = (rx * dx + ry * dy) / norm, (rx * dy - ry * dx) / norm
+    reach = min(seen.reach[k] + GAP, SLIDES * s)
+    j = seen.who[k]
+    if seen.relation[k] == PASSES and hx * motion.heading[j, 0] + hy * motion.heading[j, 1] < 0.0:
+        across += rule.right
+    if ahead <= 0.0 or abs(across) >= reach:
+        return math.inf
+    return max(ahead - math.sqrt(reach * reach - across * across), 0.0) * wanted / norm
+
+
+@inner
+def choose_heading(world, crowd, sights, seen, motion, rule, length, i):  # type: ignore[no-untyped-def]
+    """Return the heading along which person i gets on best; of two alike, the one nearer to its way or to the right."""
+    ex, ey, wanted = sights.direction[i, 0], sights.direction[i, 1], sights.wanted[i]
+    best, fastest, bx, by, last = -math.inf, 0.0, ex, ey, -1
+    for turned in range(TURNS + 1):
+        cosine, sine = TURNED[turned]
+        if best >= wanted * cosine:
+            break
+        for side in range(-1, 2 if turned else 0, 2):
+            cx, cy = cosine * ex - side * sine * ey, side * sine * ex + cosine * ey
+            speed = wanted
+            for rank in range(
+                -1 if last >= 0 else 0, seen.number
+            ):  # first of all, who left least along the heading before
+                k = last if rank < 0 else seen.order[rank]
+                if seen.bound[k] >= speed:
+                    break
+                if seen.relation[k] == LEADS:
+                    left = speed_behind(seen, rule, k, cx, cy, length)
+                else:
+                    left = free_way(crowd, seen, motion, rule, k, wanted, i, cx, cy) / rule.horizon
+                if left < speed and is_seen(world, sights, seen, i, k):
+                    speed, last = left, k
+                    if speed * cosine <= best:
+                        break
+            if turned and speed * cosine > max(best, 0.0):
+                way = speed * rule.horizon + crowd.contact_radius[i]
+                way = free_of_walls(world, sights.level[i], sights.position[i, 0], sights.position[i, 1], cx, cy, way)
+                speed = min(speed, max(way - crowd.contact_radius[i], 0.0) / rule.horizon)
+            if max(speed, 0.0) * cosine > best:
+                best, fastest, bx, by = max(speed, 0.0) * cosine, speed, cx, cy
+    return bx, by, fastest
+
+
+@inner
+def step_from_walls(world, crowd, sights, motion, rule, i):  # type: ignore[no-untyped-def]
+    """Return the step aside, to the left and relative to the way ahead, by which person i clears walls.
+
+    Its distance from a wall is the one after the time in which heading and velocity follow.
     """
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     x, y = sights.position[i, 0], sights.position[i, 1]
+    drift = (ex * motion.velocity[i, 1] - ey * motion.velocity[i, 0]) * (rule.reaction_time + crowd.tau[i])
+    clearance = rule.clearance + max(crowd.contact_radius[i] - 0.5 * rule.chest_depth, 0.0)
     left = right = 0.0
-    lowest, highest = -math.inf, math.inf
-    wide = max(crowd.contact_radius[i] - 0.5 * rule.chest_depth, 0.0)
     first, last = walls_near(world, sights.level[i], x, y, 0.0)
     for slot in range(first, last):
         w = world.bucket_wall[slot]
@@ -527,14 +524,74 @@ def wall_step(world, crowd, sights, rule, i):  # type: ignore[no-untyped-def]
         distance, wx, wy = segment_distance(
             world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3], x, y
         )
-        dx, dy = wx - x, wy - y
-        weight = rule.wall_step * (1.0 - (distance - wide) / rule.wall_distance)
-        if weight > 0.0 and ex * dx + ey * dy >= -BEHIND:
-            touches = wide > 0.0 and distance < crowd.contact_radius[i] + TOUCHING
-            if ex * dy - ey * dx > 0.0:
-                left = max(left, weight)
-                highest = 0.0 if touches else highest
-            else:
-                right = max(right, weight)
-                lowest = 0.0 if touches else lowest
-    return right - left, lowest, highest
+        if ex * (wx - x) + ey * (wy - y) < -GAP:  # behind
+            continue
+        if ex * (wy - y) - ey * (wx - x) > 0.0:
+            left = max(left, clearance - distance + drift)
+        else:
+            right = max(right, clearance - distance - drift)
+    return 2.0 * (right - left) / rule.breadth
+
+
+@inner
+def keep_off(world, crowd, sights, seen, rule, i, vx, vy):  # type: ignore[no-untyped-def]
+    """Return a velocity without the part that leads into bodies within `stop_time`."""
+    for _ in range(2):
+        for k in range(seen.number):
+            j, s = seen.who[k], seen.distance[k]
+            if s > seen.reach[k] + GAP + rule.stop_time * sights.wanted[i] or sights.level[j] >= sights.levels:
+                continue
+            floor, passes, cosine = 0.0, False, 0.0
+            if sights.wanted[j] > 0.0:
+                floor = rule.creep
+                cosine = (
+                    sights.direction[i, 0] * sights.direction[j, 0] + sights.direction[i, 1] * sights.direction[j, 1]
+                )
+                if crowd.route[i] != crowd.route[j] and cosine <= DIAGONAL:
+                    floor, passes = rule.push, True
+                    if cosine > -DIAGONAL and not is_ahead(crowd, sights, i, j, seen.place[k, 0], seen.place[k, 1]):
+                        continue
+            nx, ny = seen.place[k, 0] / s, seen.place[k, 1] / s
+            toward = vx * nx + vy * ny
+            gap = max(s - seen.reach[k] - GAP, 0.0)
+            most = max(gap / rule.stop_time + seen.velocity[k, 0] * nx + seen.velocity[k, 1] * ny, floor)
+            if toward > most and is_seen(world, sights, seen, i, k):
+                turned = toward - most
+                vx, vy = vx - turned * nx, vy - turned * ny
+                if passes:  # to the right of those who come, and behind those who cross
+                    if cosine > -DIAGONAL and seen.velocity[k, 0] * ny - seen.velocity[k, 1] * nx > 0.0:
+                        turned = -turned
+                    vx, vy = vx + turned * ny, vy - turned * nx
+    if sights.open_to[i] == 0.0:
+        vx, vy = squeeze_nobody(world, crowd, sights, seen, rule, i, vx, vy)
+    return vx, vy
+
+
+@inner
+def squeeze_nobody(world, crowd, sights, seen, rule, i, vx, vy):  # type: ignore[no-untyped-def]
+    """Return a velocity that does not lead into those who stand where a wall holds the body back."""
+    px, py = vx, vy
+    x, y = sights.position[i, 0], sights.position[i, 1]
+    first, last = walls_near(world, sights.level[i], x, y, 0.0)
+    for slot in range(first, last):
+        w = world.bucket_wall[slot]
+        if world.wall_open[w]:
+            continue
+        distance, wx, wy = segment_distance(
+            world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3], x, y
+        )
+        if distance == 0.0:
+            continue
+        nx, ny = (wx - x) / distance, (wy - y) / distance
+        toward = px * nx + py * ny - max(distance - crowd.contact_radius[i], 0.0) / rule.stop_time
+        if toward > 0.0:
+            px, py = px - toward * nx, py - toward * ny
+    share = 1.0
+    for k in range(seen.number):
+        if seen.relation[k] == STANDS:
+            s = seen.distance[k]
+            toward = (px * seen.place[k, 0] + py * seen.place[k, 1]) / s
+            most = max(s - seen.reach[k] - GAP, 0.0) / rule.stop_time
+            if toward > most and is_seen(world, sights, seen, i, k):
+                share = min(share, most / toward)
+    return share * vx, share * vy

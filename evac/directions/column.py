@@ -108,7 +108,36 @@ class Column(Saved):
             self._pockets.of[to] = self._pockets.of[from_]
         self._empty = np.zeros_like(self._pockets.empty(np.zeros(0, np.int64)))
         self._resting: set[int] = set()  # levels all of whose nodes are left out
+        self.is_local = False
         self._march(set(self._places), set(self._places))
+
+    def keep_links(self) -> None:
+        """Keep the next link on the way from each node, so that people go round a crowd only on the way to it.
+
+        From now on, times are those to the next portal or exit plus its time without a crowd, and are not written.
+        """
+        waves = self.waves
+        self._march(set(self._places), set(self._places))  # with the speeds that smoke leaves
+        links, nodes = self._gates.at, np.arange(len(waves.before))
+        after = np.where(waves.before >= 0, waves.before, nodes)
+        after = np.where(after == waves.twin, np.where(waves.before[after] >= 0, waves.before[after], after), after)
+        leads_through = self._solved & (links >= 0) & (links < self._grids.building.n_links)
+        lines = np.flatnonzero(leads_through & (waves.level_of[after] != waves.level_of))
+        self._solved[lines] = False
+        waves.exit[:] = -1
+        ends = np.flatnonzero((waves.state == FINAL) & ~self._solved)
+        waves.exit[ends] = waves.gate[ends]
+        waves.exit[lines] = links[lines]
+        waves.twin = waves.twin.copy()
+        there = waves.twin[lines]
+        waves.twin[there[there >= 0]] = waves.twin[lines] = -1
+        steps = np.stack([np.ones(len(lines), np.int64), waves.stride[waves.level_of[lines]]])
+        beside = waves.beside[np.concatenate([lines + sign * step for sign in (1, -1) for step in steps])]
+        border = np.union1d(waves.border, beside[beside >= 0])
+        waves.border = border[self._solved[border]]
+        self._march(set(self._places), set(self._places))
+        waves.former[:], waves.hesitation = waves.exit, math.inf
+        self.is_local = True
 
     def _read(self, packed: PackedFields) -> FloatArray:
         """Read directions and places of the levels from the fields of the empty building; return the times (nodes,)."""
@@ -198,15 +227,14 @@ class Column(Saved):
             from_.append(grid.offset + np.ravel_multi_index(nearest, shape))
         return np.concatenate(to), np.concatenate(from_)
 
-    def values(self, packed: FloatArray) -> FloatArray:
-        """Return the values (n, ...) of this column among those of all fields, level by level."""
-        return np.concatenate([packed[:0], *(packed[place] for place in self._places.values())])
-
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of the arrays that are needed to continue with the same bits."""
         own = {
-            "travel_time": self.values(self._travel_time),
-            "direction": self.values(self._all_directions),
+            "travel_time": np.concatenate(
+                [self._travel_time[:0], *(self._travel_time[at] for at in self._places.values())]
+            ),
+            # its own: ways round the crowd may have been written to the fields since
+            "direction": np.concatenate([self._direction[:0], *(self._direction[nodes] for nodes in self._nodes())]),
             "stale": np.array(sorted(self.stale), np.int64),
             "speed": self.speed,
             "empty": self._empty,
@@ -215,29 +243,29 @@ class Column(Saved):
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore the arrays that `state` returned."""
-        levels, exits = len(self._grids.levels), len(self._grids.building.exits)
+        levels, links = len(self._grids.levels), self._grids.building.n_links
         self._leave_out(taken(state, "empty", np.bool_, self._empty.shape))
-        bounds = dict.fromkeys(("exit", "former"), (-1, exits - 1)) | dict.fromkeys(("time", "walk"), (-np.inf, np.inf))
+        bounds = dict.fromkeys(("exit", "former"), (-1, links - 1)) | dict.fromkeys(("time", "walk"), (-np.inf, np.inf))
         bounds |= {"gate": (-1, len(self._gates.people) - 1), "leans": (0, 1)}
         take(state, {name: getattr(self.waves, name) for name in SAVED}, bounds)
         speed = taken(state, "speed", np.float64, self.speed.shape, 1e-9, 1.0)
         for level in self._places:
             self._take_speeds(level, speed[self._grids.levels[level].packed])
         self.stale = set(taken(state, "stale", np.int64, (None,), 0, levels - 1).tolist())
-        size = len(self.values(self._travel_time))
-        self.take(
-            taken(state, "travel_time", np.float64, (size,), -np.inf, np.inf),
-            taken(state, "direction", np.float64, (size, 2)),
-        )
-
-    def take(self, travel_time: FloatArray, direction: FloatArray) -> None:
-        """Write values that `values` returned to the fields."""
+        size = sum(place.stop - place.start for place in self._places.values())
+        travel_time = taken(state, "travel_time", np.float64, (size,), -np.inf, np.inf)
+        direction = taken(state, "direction", np.float64, (size, 2))
         first = 0
         for level, place in self._places.items():
             some = slice(first, first + place.stop - place.start)
             self._travel_time[place], self._all_directions[place] = travel_time[some], direction[some]
             self._direction[self._grids.levels[level].packed] = direction[some]
             first = some.stop
+        self._write_where_no_way_is()
+
+    def _nodes(self) -> list[slice]:
+        """Return the nodes of the levels with a field."""
+        return [self._grids.levels[level].packed for level in self._places]
 
     def leave_out_empty(self, people: IndexArray) -> set[int]:
         """Leave out the pockets in which none of the people at these nodes are; return the levels of those taken in."""
@@ -252,13 +280,15 @@ class Column(Saved):
         nodes = np.flatnonzero(self._solved & changed[self._pockets.of])
         out = empty[self._pockets.of[nodes]]
         waves.state[nodes], waves.time[nodes] = np.where(out, APART, FAR), math.inf
-        waves.exit[nodes] = waves.former[nodes] = -1
+        waves.exit[nodes] = -1
+        if not self.is_local:
+            waves.former[nodes] = -1
         packed = {level: self._grids.levels[level].packed for level in self._places}
         marched = {level for level, own in packed.items() if (waves.state[own][self._solved[own]] != APART).any()}
         self._resting = set(self._places) - marched
         return set(np.flatnonzero(np.bincount(waves.level_of[nodes[~out]])).tolist())
 
-    def slow_down(self, density: FloatArray, levels: Set[int], floor: float) -> set[int]:
+    def slow_down(self, density: FloatArray, levels: Set[int], floor: float, noticed: float = NOTICED) -> set[int]:
         """Take the speeds of some levels from the density (nodes,) and the queues; return those that have changed."""
         waves, changed = self.waves, set()
         for level in levels & set(self._places):
@@ -267,7 +297,7 @@ class Column(Saved):
             differs = find_speeds(
                 packed.start, packed.stop, density, floor, waves, queues, STEP, self.speed, self._wanted
             )
-            if differs > NOTICED:
+            if differs > noticed:
                 self._take_speeds(level, self._wanted[packed])
                 changed.add(level)
         return changed
@@ -298,7 +328,7 @@ class Column(Saved):
         waves, former = self.waves, self.waves.former
         levels, solved = self._behind(changed | self.stale) - self._resting, self.stale
         while levels:
-            for level in levels - solved if not is_first else ():
+            for level in levels - solved if not (is_first or self.is_local) else ():
                 packed = self._grids.levels[level].packed
                 former[packed] = waves.exit[packed]
             solved = levels
@@ -343,7 +373,7 @@ class Column(Saved):
     def write(self, levels: Set[int]) -> None:
         """Write travel times and directions of levels that were solved, and of those beside them, to the fields."""
         waves, grids = self.waves, self._grids
-        beside = {p.other(level) for level in levels for p in grids.portals_of(level)}
+        beside = set() if self.is_local else {p.other(level) for level in levels for p in grids.portals_of(level)}
         touched = sorted(({*levels, *beside} - self.stale) & set(self._places))
         for level in touched:
             grid = grids.levels[level]
@@ -352,9 +382,15 @@ class Column(Saved):
             source = grid.source.ravel()[halo]
             is_known = waves.state[source] == FINAL
             cost = waves.time[grid.packed]
-            cost[halo[is_known]] = waves.time[source[is_known]]
-            chosen = (self._solved[grid.packed] & np.isfinite(cost)).view(np.uint8).reshape(shape)
-            descend(cost.reshape(shape), chosen, waves.spacing, self._direction[grid.packed])
+            chosen = (self._solved[grid.packed] & np.isfinite(cost)).view(np.uint8)
+            if self.is_local:
+                label = waves.exit[grid.packed]
+                for link in np.unique(label[chosen.view(np.bool_)]):
+                    own = np.where(label == link, cost, math.inf)
+                    descend(own.reshape(shape), chosen.reshape(shape), waves.spacing, self._direction[grid.packed])
+            else:
+                cost[halo[is_known]] = waves.time[source[is_known]]
+                descend(cost.reshape(shape), chosen.reshape(shape), waves.spacing, self._direction[grid.packed])
             lead_through_doors(grid, cost.reshape(shape), self._direction[grid.packed])
         pairs = self._direction.view(np.complex128)[:, 0]  # which numpy copies faster than rows of two numbers
         for level in touched:
@@ -366,8 +402,13 @@ class Column(Saved):
             with np.errstate(invalid="ignore"):  # infinite times
                 more = waves.time[stand_in] - waves.time[next_one]
             known[left_out - grid.offset] = waves.time[stand_in] + np.where(np.isfinite(more), more, 0.0)
-            np.copyto(self._travel_time[place], known, where=np.isfinite(known))
+            if not self.is_local:
+                np.copyto(self._travel_time[place], known, where=np.isfinite(known))
             self._all_directions[place] = self._direction[grid.packed]
+        self._write_where_no_way_is()
+
+    def _write_where_no_way_is(self) -> None:
+        """Write the values of nodes from which bodies of this class find no way, or none at all, to the fields."""
         if self._blocked is not None:
             to, from_ = self._blocked
             self._travel_time[to], self._all_directions[to] = self._travel_time[from_], self._all_directions[from_]

@@ -13,7 +13,6 @@ only if the speeds have changed on it, or if its ways lead through a level that 
 no way leads through while nobody is in them (`pockets.py`).
 """
 
-import math
 import time
 from typing import Protocol
 
@@ -22,14 +21,10 @@ import numpy as np
 from evac.base.arrays import FloatArray, IndexArray, IntArray
 from evac.base.saved import Bounds, Saved
 from evac.directions.column import Column
+from evac.directions.density import Kernels, at_nodes_of, gain_of
 from evac.directions.fields import Fields, columns_of
 from evac.directions.gates import Gates
-from evac.directions.march.waves import CUT, NOBODY, deposit
-from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid
 from evac.directions.routes import QUICKEST
-
-#: Least share of a kernel on the floor by which a density is divided, so that a narrow place is not taken for full.
-LEAST_SHARE = 0.2
 
 
 class Settings(Protocol):
@@ -61,10 +56,8 @@ class Quickest(Saved):
         self.fields, self.clear = fields.with_own_directions(), fields
         own = self.fields.packed
         self._settings = settings
-        grids = fields.grids[0].grids
-        self._first = np.array([grid.offset for grid in grids.levels], dtype=np.int64)
-        self._grids, self._weight = grids, _weights_on_floor(grids, settings.width)
-        self._behind_portals = [_behind_portals(grids, grid) for grid in grids.levels]
+        self._grids = grids = fields.grids[0].grids
+        self._kernels = Kernels(grids, own, settings.width)
         self._gates = Gates(grids)
         self.columns: dict[int, Column] = {}
         routes = len(fields.routes)
@@ -81,7 +74,7 @@ class Quickest(Saved):
         self._exit_of, self._left = np.zeros(0, np.int32), np.zeros((0, len(grids.building.exits)), np.uint8)
         self._counts = np.zeros(4, np.int64)  # updates, levels solved, changes of exit, returns to an exit
         if before is not None:
-            self._density = _at_nodes_of(grids, before._density, before._grids)
+            self._density = at_nodes_of(grids, before._density, before._grids)
             self._exit_of, self._left = before._exit_of, before._left
             self._counts, self._seconds = before._counts, before._seconds
             self._gates.people = before._gates.people
@@ -105,11 +98,9 @@ class Quickest(Saved):
         began = time.process_time()
         columns = columns_of(self.fields.packed, route, radius)
         inside = level >= 0
-        nodes = self._nodes_at(level, position)
-        gain = 1.0
-        if self._settings.memory > 0.0 and self._counts[0]:
-            gain = -math.expm1(-self._settings.period / self._settings.memory)
-        crowded = self._find_density(level, position, gain)
+        nodes = self._kernels.nodes_at(level, position)
+        gain = gain_of(self._settings.period, self._settings.memory) if self._counts[0] else 1.0
+        crowded = self._kernels.average(self._density, level, position, gain)
         self._count_at_gates(nodes[inside], columns[inside], gain)
         for number, column in self.columns.items():
             rows = (columns == number) & inside
@@ -137,14 +128,6 @@ class Quickest(Saved):
         left = Bounds(0, 1, shape=(len(self._exit_of), exits))
         return own | {"_exit_of": Bounds(-1, exits - 1, shape=(None,)), "_left": left}
 
-    def _nodes_at(self, level: IntArray, position: FloatArray) -> IndexArray:
-        """Return the nodes nearest to people, of level 0 for those who have left."""
-        packed, at = self.fields.packed, np.maximum(level, 0)
-        place = np.rint((position - packed.origin[at]) / packed.spacing).astype(np.int64)
-        place = np.clip(place, 0, packed.shape[at] - 1)
-        nodes: IndexArray = self._first[at] + place[:, 0] * packed.shape[at, 1] + place[:, 1]
-        return nodes
-
     def _count_at_gates(self, nodes: IndexArray, columns: IntArray, gain: float) -> None:
         """Count people at nodes on their way to gates. Those with other strategies walk as in the empty building."""
         gate, walk = np.full(len(nodes), -1, np.int32), np.zeros(len(nodes))
@@ -156,27 +139,6 @@ class Quickest(Saved):
             rows = columns == number
             gate[rows], walk[rows] = (values[nodes[rows]] for values in self._ways[number])
         self._gates.count(gate, walk, gain)
-
-    def _find_density(self, level: IntArray, position: FloatArray, gain: float) -> set[int]:
-        """Find the density, and its average over time; return the levels on which somebody is or was."""
-        found = np.zeros(len(self._density))
-        deposit(self.fields.packed, self._first, position, level, self._settings.width, found)
-        occupied = set(np.unique(level[level >= 0]).tolist())
-        crowded = set()
-        for grid, behind in zip(self._grids.levels, self._behind_portals, strict=True):
-            density = self._density[grid.packed]
-            if not occupied & {grid.level, *(level for level, _, _ in behind)} and not density.any():
-                continue
-            crowded.add(grid.level)
-            now = found[grid.packed].copy()
-            for _, halo, nodes in behind:
-                now[nodes] += found[halo]
-            now *= self._weight[grid.packed]
-            now -= density
-            now *= gain
-            density += now
-            density[density < NOBODY * 1e-3] = 0.0
-        return crowded
 
     def _count_changes(self, nodes: IndexArray, columns: IntArray) -> None:
         """Count the people at nodes whose way now ends at another exit than after the last update; column -1: left."""
@@ -190,45 +152,3 @@ class Quickest(Saved):
             self._counts[3] += int(self._left[moved, target].sum())
             self._left[moved, self._exit_of[moved]] = 1
             self._exit_of[rows[known]] = now[known]
-
-
-def _behind_portals(grids: BuildingGrids, grid: LevelGrid) -> list[tuple[int, IndexArray, IndexArray]]:
-    """Return the levels behind the portals of a level, with the nodes of their halos, and the level's own nodes there.
-
-    The kernels of people close behind a portal reach into its halo on their own level.
-    """
-    rows = []
-    for portal in grids.portals_of(grid.level):
-        there = grids.levels[portal.other(grid.level)]
-        halo = np.flatnonzero(there.sheet == 1 + portal.index)
-        rows.append((there.level, there.offset + halo, there.source.ravel()[halo] - grid.offset))
-    return rows
-
-
-def _at_nodes_of(grids: BuildingGrids, values: FloatArray, before: BuildingGrids) -> FloatArray:
-    """Return the values (nodes,) of the grids before at the nodes of other ones, whose windows include open halos."""
-    found = np.zeros(grids.size)
-    for old, new in zip(before.levels, grids.levels, strict=True):
-        here, there = new.window.overlap(old.window)
-        found[new.packed].reshape(new.window.shape)[here] = values[old.packed].reshape(old.window.shape)[there]
-    return found
-
-
-def _weights_on_floor(grids: BuildingGrids, width: float) -> FloatArray:
-    """Return one over the share of the kernel around each own node that lies on the floor, at most 1 / `LEAST_SHARE`.
-
-    It is 0 at other nodes.
-    """
-    spacing = grids.lattice.spacing
-    reach = int(CUT * width / spacing)
-    weight = np.exp(-0.5 * (spacing * np.arange(-reach, reach + 1) / width) ** 2)
-    weight *= spacing / (width * math.sqrt(2.0 * math.pi))
-    found = np.empty(grids.size)
-    for grid in grids.levels:
-        floor = grids.is_ground(grid).astype(np.float64)
-        for axis in (0, 1):
-            wide = np.pad(floor, [(reach, reach) if axis == other else (0, 0) for other in (0, 1)])
-            size = floor.shape[axis]
-            floor = sum(w * np.take(wide, range(k, k + size), axis) for k, w in enumerate(weight))
-        found[grid.packed] = ((grid.sheet == OWN) / np.maximum(floor, LEAST_SHARE)).ravel()
-    return found

@@ -14,6 +14,7 @@ from evac.base.saved import Bounds, Saved
 from evac.directions.column import Column
 from evac.directions.fields import Fields
 from evac.directions.gates import Gates
+from evac.directions.local import LocalWays
 from evac.directions.quickest import Quickest
 
 #: Least share of the speed, so that travel times remain finite.
@@ -22,6 +23,15 @@ LEAST_SHARE = 1e-5
 
 class Smoky(Saved):
     """The routes of a run in smoke.
+
+    Parameters
+    ----------
+    fields : Fields
+        Of the run, `clear` or with directions of their own.
+    clear : Fields
+        Of the building.
+    quickest : Quickest, optional
+    local : LocalWays, optional
 
     Attributes
     ----------
@@ -33,19 +43,19 @@ class Smoky(Saved):
 
     saved = ("_smoke", "_columns")
 
-    def __init__(self, fields: Fields, quickest: Quickest | None = None) -> None:
-        clear = fields if quickest is None else quickest.clear
-        if quickest is None:
-            fields = fields.with_own_directions()
-        self.fields, grids = fields, fields.grids[0].grids
-        self._grids, self.share = grids, np.ones(grids.size)
+    def __init__(
+        self, fields: Fields, clear: Fields, quickest: Quickest | None = None, local: LocalWays | None = None
+    ) -> None:
+        self.fields = fields.with_own_directions() if fields is clear else fields
+        self._grids = grids = fields.grids[0].grids
+        self.share, self._local = np.ones(grids.size), local
         self._followers = {} if quickest is None else quickest.columns
         self._columns: dict[int, Column] = {}
         routes = len(fields.routes)
         for number in range(len(fields.grids) * routes):
             if number not in self._followers:
                 lower = self._columns.get(number - routes)
-                packed = fields.packed
+                packed = self.fields.packed
                 column = Column(clear, packed.travel_time, packed.direction, number, Gates(grids), 0.0, lower)
                 self._columns[number] = column
 
@@ -62,12 +72,13 @@ class Smoky(Saved):
         for level in levels:
             packed = self._grids.levels[level].packed
             self.share[packed] = np.maximum(share[packed], LEAST_SHARE)
+        local: set[int] = set() if self._local is None else self._local.take_smoke(self.share)
         everywhere = set(range(len(self._grids.levels)))
-        for column in (*self._columns.values(), *self._followers.values()):
+        for number, column in (*self._columns.items(), *self._followers.items()):
             for level in levels:
                 column.take_smoke(level, self.share)
             solved += column.solve(levels, everywhere, True)
-            if is_first:
+            if is_first or number in local:
                 column.write(everywhere)
         return solved
 
@@ -82,6 +93,8 @@ class Smoky(Saved):
         for level in range(len(self._grids.levels)):
             for column in (*self._columns.values(), *self._followers.values()):
                 column.take_smoke(level, self.share)
+        if self._local is not None:
+            self._local.take_smoke(self.share)
 
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of the share."""

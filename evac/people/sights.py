@@ -215,6 +215,30 @@ def is_hidden(world, a, ax, ay, b, bx, by):  # type: ignore[no-untyped-def]
     return False
 
 
+@inner
+def free_of_walls(world, level, x, y, cx, cy, way):  # type: ignore[no-untyped-def]
+    """Return how far the straight line from a place towards the unit vector c leads until it meets a wall, or `way`."""
+    pieces = int(way / (2.0 * world.bucket_reach)) + 1
+    free = way
+    for k in range(pieces):
+        middle = (k + 0.5) / pieces * way
+        if middle - world.bucket_reach > free:
+            break
+        first, last = walls_near(world, level, x + middle * cx, y + middle * cy, 0.0)
+        for slot in range(first, last):
+            w = world.bucket_wall[slot]
+            if world.wall_open[w]:
+                continue
+            ax, ay = world.wall[w, 0] - x, world.wall[w, 1] - y
+            wx, wy = world.wall[w, 2] - world.wall[w, 0], world.wall[w, 3] - world.wall[w, 1]
+            cross = cx * wy - cy * wx
+            if cross != 0.0:
+                along, share = (ax * wy - ay * wx) / cross, (ax * cy - ay * cx) / cross
+                if along > 0.0 and 0.0 <= share <= 1.0:
+                    free = min(free, along)
+    return free
+
+
 @kernel
 def notice(
     world: World, position: Pairs, level: Ints, waits: Bytes, walks: Bytes, reach: float, notices: Bytes

@@ -88,17 +88,17 @@ class Loop:
             simulation.let_in()
 
     def _is_way_to_find(self) -> bool:
-        return self._simulation.exposure is not None or self._simulation.scene.quickest is not None
+        scene = self._simulation.scene
+        return self._simulation.exposure is not None or scene.quickest is not None or scene.local is not None
 
     def _find_ways(self) -> None:
         """Solve the directions that follow smoke or the crowd again."""
-        simulation, crowd = self._simulation, self._simulation.population.crowd
+        simulation = self._simulation
         scene, tick = simulation.scene, simulation.step // self._settings.steps_per_tick
         routes = None if simulation.exposure is None else simulation.exposure.routes
         if routes is not None and routes.is_due(tick, scene.ways_version) and routes.update(simulation.time, scene):
             simulation.ending.begin_anew()  # progress is then towards other ways
-        if (quickest := scene.quickest) is not None and quickest.is_due(tick, self._settings.tick):
-            quickest.update(crowd.level, crowd.position, crowd.route, crowd.contact_radius)
+        scene.follow_crowd(tick, self._settings.tick)
 
     def _decide(self) -> None:
         simulation = self._simulation

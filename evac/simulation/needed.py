@@ -102,7 +102,7 @@ def field_settings(case: "Case", behaviours: Sequence[Behaviour], full: bool) ->
         "speeds": reference_speeds(case),
         "comfort": settings.comfort,
         "order": settings.order,
-        "keep_grids": bool(case.conditions) and case.smoke.routes,
+        "keep_grids": bool(case.conditions and case.smoke.routes) or any(one.keeps_distance for one in behaviours),
     }
 
 
@@ -143,7 +143,7 @@ def run_kernels(
     for behaviour in behaviours:
         kernels += entries_of(sys.modules[type(behaviour).__module__])
     routes = needed_routes(case, behaviours, full)
-    if any(route.strategy == QUICKEST for route in routes):
+    if any(route.strategy == QUICKEST for route in routes) or any(one.keeps_distance for one in behaviours):
         kernels += [deposit, march_waves]
     elif case.conditions and case.smoke.routes:
         kernels += [march_waves]
@@ -177,6 +177,8 @@ def explain(simulation: "Simulation", forces: Sequence[Force], behaviours: Seque
         parts.append(Part(f"behaviour: {behaviour.name}", at_ticks is not None, when[at_ticks]))
     if not behaviours:
         parts.append(Part("behaviours", False, "none named in [behaviours]"))
+    ways = f"{', '.join(keepers)}: from 1 person per m2 on" if simulation.scene.local else "nobody keeps distances"
+    parts.append(Part("ways round the crowd", simulation.scene.local is not None, ways))
     seen_by = f"seen by {', '.join(keepers)}" if keepers else "no behaviour keeps distances"
     parts.append(Part("people outside", bool(keepers), seen_by))
     with plugin_code(f"contact model {model.name!r}: parts", model):

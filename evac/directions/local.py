@@ -1,0 +1,157 @@
+"""Ways round the crowd: directions that use the width that is there at corners, at junctions and before stairs.
+
+The directions of an empty building lead everybody along the same line, close to each corner. Where people keep
+distances, they take a longer way beside the crowd instead. Every few seconds, the density of the people who walk the
+same way is found, less that of those who come towards them: without this, both would spread over the whole width.
+Crowded floors are marched again with speeds that fall with the density, as for the strategy "quickest"
+(`quickest.py`), but not stairs and their landings, where people would step back over portals. Each node keeps the next
+portal or exit of the empty building, so that people neither choose other exits and stairs nor turn round. Travel times
+stay those of the empty building.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray, IndexArray, IntArray
+from evac.base.saved import Saved, part_of, taken
+from evac.directions.column import Column
+from evac.directions.density import Kernels, at_nodes_of, gain_of
+from evac.directions.fields import Fields, columns_of
+from evac.directions.gates import Gates
+from evac.directions.quickest import Settings
+
+#: Strategies whose ways lead round the crowd: not shortest ones, nor "quickest", whose ways do so everywhere.
+STRATEGIES = ("fastest", "comfortable")
+
+#: Density from which on ways lead round a crowd [1/m2]; two people beside each other are fewer.
+CROWDED = 1.0
+
+#: A floor is solved again if the slowness has changed on it by more than this share of what the crowd adds to it; more
+#: than for "quickest", because here it decides on which side of a crowd people pass, not through which exit they leave.
+NOTICED = 0.3
+
+
+class LocalWays(Saved):
+    """The ways of a run that lead round the crowd.
+
+    Attributes
+    ----------
+    fields : Fields
+        With directions of their own, which `update` changes in place.
+    """
+
+    def __init__(self, fields: Fields, clear: Fields, settings: Settings, before: "LocalWays | None" = None) -> None:
+        self.fields, self._clear, self._settings = fields, clear, settings
+        self._grids = fields.grids[0].grids
+        self._kernels = Kernels(self._grids, fields.packed, settings.width)
+        self._floors = {level.index for level in self._grids.building.levels if level.kind == "floor"}
+        self._columns: dict[int, Column] = {}
+        self._solved: dict[int, set[int]] = {}  # by column, the levels with speeds other than those without a crowd
+        self._density: dict[int, FloatArray] = {}
+        self._smoke: FloatArray | None = None
+        if before is not None and before.fields.routes == fields.routes:
+            for number, density in before._density.items():
+                self._density[number] = at_nodes_of(self._grids, density, before._grids)
+
+    def is_due(self, tick: int, length: float) -> bool:
+        """Return whether an update is due at a tick of this length [s]."""
+        return tick % max(1, round(self._settings.period / length)) == 0
+
+    def update(self, level: IntArray, position: FloatArray, route: IntArray, radius: FloatArray) -> None:
+        """Find the ways again for people at these places; arguments as for `Quickest.update`."""
+        columns = columns_of(self.fields.packed, route, radius)
+        inside = level >= 0
+        nodes = self._kernels.nodes_at(level, position)
+        own = self._headings(columns, level, nodes)
+        strategies = [route.strategy for route in self.fields.routes]
+        used = set(np.unique(columns[inside]).tolist()) | self._columns.keys()
+        for number in sorted(used):
+            if strategies[number % len(strategies)] not in STRATEGIES:
+                continue
+            others = self._headings(np.full_like(columns, number), level, nodes)
+            cosine = (own * others).sum(axis=1)
+            alike = np.where(cosine > 0.0, level, -1)
+            against = np.where(cosine < 0.0, level, -1)
+            self._follow(number, alike, against, position, nodes[(columns == number) & inside], level[inside])
+
+    def _follow(
+        self,
+        number: int,
+        alike: IntArray,
+        against: IntArray,
+        position: FloatArray,
+        nodes: IndexArray,
+        occupied: IntArray,
+    ) -> None:
+        """Find the ways of one column again, from the levels of people who walk the same way or come towards them."""
+        settings = self._settings
+        gain = gain_of(settings.period, settings.memory) if number in self._density else 1.0
+        density = self._density.setdefault(number, np.zeros(self._grids.size))
+        levels = self._kernels.average(density, alike, position, gain, against)
+        solved = self._solved.setdefault(number, set())
+        crowded = {
+            level for level in levels & self._floors if density[self._grids.levels[level].packed].max() >= CROWDED
+        }
+        if not crowded | solved:
+            return
+        column = self._columns.get(number) or self._made(number)
+        changed = column.leave_out_empty(nodes)
+        changed |= column.slow_down(density, crowded | solved, settings.floor, NOTICED)
+        column.solve(changed, set(np.unique(occupied).tolist()), False)
+        self._solved[number] = crowded
+
+    def _made(self, number: int) -> Column:
+        """Return the column of this number, with the next link of each node."""
+        packed, routes = self.fields.packed, len(self.fields.routes)
+        lower = self._columns.get(number - routes)
+        grids = self._grids
+        base = self._clear if self._smoke is None else self.fields
+        column = Column(base, packed.travel_time, packed.direction, number, Gates(grids), 0.0, lower)
+        if self._smoke is not None:
+            for level in range(len(grids.levels)):
+                column.take_smoke(level, self._smoke)
+        column.keep_links()
+        self._columns[number] = column
+        return column
+
+    def _headings(self, columns: IntArray, level: IntArray, nodes: IndexArray) -> FloatArray:
+        """Return the directions (n, 2) of columns (n,) in the empty building at nodes (n,)."""
+        packed, at = self._clear.packed, np.maximum(level, 0)
+        if not len(packed.direction):  # no way is open
+            return np.zeros((len(level), 2))
+        field = packed.field_of[at, columns]
+        place = packed.offset[np.maximum(field, 0)] + nodes - self._kernels.first[at]
+        return np.where((field >= 0)[:, None], packed.direction[place], 0.0)
+
+    def take_smoke(self, share: FloatArray) -> set[int]:
+        """Begin anew with the share (nodes,) of the speed that smoke leaves; return the columns to be written again."""
+        removed = set(self._columns)
+        self._columns.clear()
+        self._solved.clear()
+        self._smoke = share
+        return removed
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of the arrays that are needed to continue with the same bits."""
+        state: dict[str, NDArray[Any]] = {}
+        for number, density in self._density.items():
+            state[f"{number}.density"] = density.copy()
+        for number, column in self._columns.items():
+            state[f"{number}.solved"] = np.array(sorted(self._solved[number]), np.int64)
+            state |= {f"{number}.column.{name}": values for name, values in column.state().items()}
+        return state
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore the arrays that `state` returned; routes in smoke have been restored."""
+        for key in state:
+            number, _, name = key.partition(".")
+            if name == "density":
+                shape = (self._grids.size,)
+                self._density[int(number)] = taken(state, key, np.float64, shape, 0.0, np.inf).copy()
+            elif name == "solved":
+                levels = taken(state, key, np.int64, (None,), 0, len(self._grids.levels) - 1)
+                self._solved[int(number)] = set(levels.tolist())
+                with part_of(state, f"{number}.column.") as own:
+                    self._made(int(number)).restore(own)
