@@ -127,7 +127,7 @@ def _corridors() -> Iterator[Value]:
     for name, (_, way_out), measured in zip(names, scenes.CORRIDOR_ENDS, CORRIDOR, strict=True):
         for column, value in zip(("density [1/m2]", "speed [m/s]", "flow [1/s]"), measured, strict=True):
             has_target = column.startswith("flow") and way_out < 1.8
-            target = {"share": 0.20, "question": "corridor, flows at narrow exits"} if has_target else {}
+            target: dict[str, Any] = {"share": 0.2, "question": "corridor, flows at narrow exits"} if has_target else {}
             yield _value(name, column, value, **target)
 
 
