@@ -17,7 +17,9 @@ def result(tmp_path_factory):
     smoke = prescribed(area="west", times=[0, 10], values=values, hold=True)
     positions = ((0.5, 1.0), (45.0, 1.0), (80.0, 1.0))
     case = corridor(smoke, positions=positions, dose={"heat": "none"})
-    case = case.change({"building.areas": [area], "simulation.duration": 15.0, "smoke.contrast": 8.0})
+    case = case.change(
+        {"building.areas": [area], "simulation.duration": 15.0, "smoke.contrast": 8.0, "safety": {"visibility": 10.0}}
+    )
     return evac.run(case, tmp_path_factory.mktemp("smoke") / "result")
 
 
@@ -49,6 +51,22 @@ def test_the_page_has_the_smoke_and_the_doses_of_the_trajectory(browser, result)
         assert np.abs(visibility - 255 * palette.scale("speed")[(255 * share).astype(int)]).max() < 8
     for place in ("#legend", "#layer-legend"):
         assert "mean height of heads" in browser.text(place)
+
+
+def test_the_verdict_opens_the_page_and_the_least_margins_lead_to_people(browser, result):
+    browser.open(result.trajectory.path.with_name("replay.html"))
+    assert browser.text("#answer").startswith(result.verdict["text"])
+    assert browser.run("document.querySelector('#answer p').className") == "red"
+    (bar,) = browser.run("[...document.querySelectorAll('#bars div')].map((one) => [one.className, one.title])")
+    assert bar[0] == "red"
+    assert "'f' is not left by everybody, available for 2.0 s (visibility)" in bar[1]
+    least = result.margins["least_margin"]
+    worst = int(np.nanargmin(least))
+    assert f"{least[worst]:.1f} s: person {worst}" in browser.text("#margins li")
+    browser.run("document.querySelector('#margins button').click()")
+    browser.settle()
+    shown = browser.run("[replay.state.selected, replay.state.time]")
+    assert shown == [worst, pytest.approx(result.margins["least_margin_at"][worst])]
 
 
 def test_the_layer_is_seen_where_smoke_is(browser, result):

@@ -49,7 +49,7 @@ function findJams({ motion, frames, building, people }, { storeys, placeOf }) {
 // A bar for each compartment up to its available time, with a mark when the last one left it; the worst ones.
 function drawBars(rows, { begin, end }) {
   const at = (time) => `${100 * Math.min(Math.max((time - begin) / (end - begin || 1), 0), 1)}%`;
-  by("bars").innerHTML = rows.map(({ name, status, text, limit, required }) => `<div class="bar ${status}" role="img" aria-label="${escaped(text)}" title="${escaped(text)}">
+  by("bars").innerHTML = rows.map(({ name, status, text, limit, required }) => `<div class="${status}" role="img" aria-label="${escaped(text)}" title="${escaped(text)}">
     <i style="width: ${at(limit)}"></i>${required === null ? "" : `<b style="left: ${at(required)}"></b>`}<span>${escaped(name)}</span></div>`).join("");
 }
 
