@@ -95,6 +95,9 @@ def _codegen(processor: Processor) -> _Codegen:
 class _Context(cpu.CPUContext):  # type: ignore[misc]
     """Target context without wrappers for Python; it supports numbers, tuples, ranges and mathematical functions."""
 
+    # numba asks for the size of a type at each variable.
+    get_abi_sizeof = lru_cache(cpu.CPUContext.get_abi_sizeof)
+
     def load_additional_registries(self) -> None:
         """Load the registries that kernels use, without linear algebra, random numbers, dictionaries and classes."""
         for name in ("core.optional", "cpython.builtins", "cpython.numbers", "cpython.rangeobj", "cpython.tupleobj"):
