@@ -315,15 +315,17 @@ class DxfImporter(Importer):
             above = f"{self.storey} {numbers[index + 1]}" if number != numbers[-1] else ""
             _note_stairs(plan, own, name, above)
 
-    def _rooms_in(self, drawn: "list[Drawn]") -> tuple[Rooms | None, list[BaseGeometry]]:
-        """Return the rooms between walls and doors, None without walls, and the lines of the walls."""
+    def _rooms_in(self, drawn: "list[Drawn]") -> "tuple[Rooms | None, list[BaseGeometry], list[Drawn]]":
+        """Return the rooms between walls and doors, None without walls, lines of walls, and arcs that are no doors."""
         walls = [one for one in drawn if one.use == "walls" and (one.is_solid or not one.is_fill)]
         arcs = [one for one in drawn if one.is_curve and one.use not in ("windows", "stairs")]
         arcs = [arc for arc in arcs if arc.use == "doors"] or arcs
-        swings = [swing for arc in arcs if (swing := swing_of(shapely.get_coordinates(arc.line))) is not None]
+        swung = [(arc, swing) for arc in arcs if (swing := swing_of(shapely.get_coordinates(arc.line))) is not None]
+        swings = [swing for _, swing in swung]
         panes = [one for one in drawn if one.use == "windows"]
         leaves = [side for one in drawn if not one.is_curve and one.use != "stairs" for side in one.sides]
         doors, swings = doors_of(swings, [one.line for one in (*walls, *panes) if not one.is_curve], leaves)
+        lost = [arc for arc, swing in swung if arc.use == "doors" and not any(swing is one for one in swings)]
         swept = shapely.union_all([swing.sector for swing in swings]).buffer(LEAF)
         shapely.prepare(swept)
         lines = [wall.line for wall in walls if not swept.covers(wall.line)]
@@ -335,11 +337,15 @@ class DxfImporter(Importer):
             others = []
         others = [side for side in others if not swept.covers(side)]
         solids = [wall.polygon for wall in walls if wall.is_solid]
-        return rooms_of(lines, self.gap, self.door, self.wall, doors, others, solids) if lines else None, lines
+        rooms = rooms_of(lines, self.gap, self.door, self.wall, doors, others, solids) if lines else None
+        return rooms, lines, lost
 
     def _add_plan(self, plan: Plan, drawn: "list[Drawn]", storey: str, z: float) -> None:
         """Add one storey from walls and doors."""
-        rooms, lines = self._rooms_in(drawn)
+        rooms, lines, lost = self._rooms_in(drawn)
+        for arc in lost:
+            text = f"the arc of a door of {arc.line.length:.2f} m is at no wall, or too large for one"
+            plan.note("left out", text, storey, place_of(arc.line), element=f"layer {arc.layer!r}")
         if rooms is None or rooms.floor.is_empty:
             self._add_storey(plan, storey, [], z, lines or [one.line for one in drawn])
             return

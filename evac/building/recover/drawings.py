@@ -177,8 +177,8 @@ OTHERS = (
     "symbol stair trepp escal step tread ramp site survey contour topo elev sect schnitt vehic chair table desk sofa "
     "bed sink lamp bath border rahmen frame tile area zone"
 )
-#: Radii of doors [m], and the angle that they swing [rad].
-RADII, SWING = (0.55, 1.3), np.radians((20.0, 110.0))
+#: Usual radii of doors, from which units are known, the largest one [m], and the angle that they swing [rad].
+RADII, LARGEST, SWING = (0.55, 1.3), 1.7, np.radians((20.0, 110.0))
 #: Spacings of the two sides of a wall [m], and least length of a side.
 SPACING, LEAST_SIDE = (0.04, THICKEST_WALL), 0.3
 #: Share of the lines of a layer with another side beside them from which it has walls.
@@ -294,7 +294,7 @@ def doors_of(
     drawn = shapely.STRtree([*leaves])
     ground = shapely.union_all([*walls])
     shapely.prepare(ground)
-    own = [swing for swing in swings if RADII[0] * 0.9 <= swing.radius <= RADII[1]]
+    own = [swing for swing in swings if RADII[0] * 0.9 <= swing.radius <= LARGEST]
     own = [one for one in own if ground.dwithin(shapely.Point(one.hinge), BESIDE_WALL)]
     tips = [shapely.MultiPoint(one.ends) for one in own]
     doors, used = [], []
