@@ -26,8 +26,8 @@ NEAR = 2.0
 #: Distance at which somebody who stands in front of the first of a queue blocks it [m].
 FRONT = 1.5
 
-#: Waiting of all together that is worth a sentence [s].
-LEAST = 30.0
+#: Waiting of all together, and of each on average, that is worth a sentence [s].
+LEAST, LEAST_EACH = 30.0, 5.0
 
 
 @dataclass(frozen=True)
@@ -87,6 +87,11 @@ class Queue:
     blocker: str
     at_once: NDArray[np.int64] = field(repr=False, compare=False)
     near: NDArray[np.int64] = field(repr=False, compare=False)
+
+    @property
+    def is_little(self) -> bool:
+        """Whether so little was waited that it is not worth a sentence."""
+        return self.waited < max(LEAST, LEAST_EACH * self.people)
 
     @property
     def cause(self) -> str:

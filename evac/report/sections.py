@@ -568,16 +568,16 @@ def design_section(run: Results) -> Section:
 def hydraulic_answer(run: Results) -> str:
     """Return the hydraulic evacuation time beside that of the run."""
     if run.building_or_none is None:
-        return "not computed, since no trajectory was recorded"
+        return "Not computed, since no trajectory was recorded"
     decisive = hydraulic_time(design_flows(run.building, run.flows, run.crowd.exit_time))
     if decisive is None:
-        return "nobody passed an exit, a door or a stair"
+        return "Nobody passed an exit, a door or a stair"
     time, own = decisive.hydraulic_time, "in the run, not everybody left"
     if run.last_out is not None and run.is_complete:
         change = round(100.0 * (run.last_out / time - 1.0))
         own = f"that of the run is {run.last_out:.1f} s, {abs(change)} % {'less' if change < 0 else 'more'}"
     return (
-        f"the hydraulic evacuation time is {time:.1f} s, determined by the "
+        f"The hydraulic evacuation time is {time:.1f} s, determined by the "
         f"{counted(decisive.people, 'person', 'people')}, each counted once, who pass {decisive.kind} "
         f"{decisive.name!r}; {own}"
     )

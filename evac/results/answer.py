@@ -117,7 +117,7 @@ def _queues(results: "Results") -> str:
     if results.hold_up is None:
         waited = sum(queue.waited for queue in results.queues)
         return f"Little waiting, {waited:.1f} s of all people together" if waited else "Nobody had to wait"
-    others = [one for one in results.queues[1:] if one.share >= SECOND]
+    others = [one for one in results.queues if one.share >= SECOND and not one.is_little and one != results.hold_up]
     return "; next is ".join([f"What holds up most is {results.hold_up}", *map(Queue.brief, others[:1])])
 
 

@@ -17,7 +17,7 @@ from typing_extensions import TypedDict
 
 from evac.analysis.lines import ExitUse, FlowUse, LineFlow, exit_table, flow_rows, line_flows, link_flows, totals
 from evac.analysis.occupancy import Moves, Occupancy, moves_of
-from evac.analysis.queues import LEAST, Queue, find_queues
+from evac.analysis.queues import Queue, find_queues
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
 from evac.base.errors import ResultError
@@ -517,7 +517,7 @@ class Results:
     @property
     def hold_up(self) -> Queue | None:
         """The longest queue; None if people waited little, or no motion was recorded."""
-        return self.queues[0] if self.queues and self.queues[0].waited >= LEAST else None
+        return next((queue for queue in self.queues if not queue.is_little), None)
 
     def egress(self, rows: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int64]]:
         """Return the egress curve of all people, or of the people with indices `rows`.

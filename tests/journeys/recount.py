@@ -190,10 +190,15 @@ class Recount:
         total = sum(row[2] for rows in waits.values() for row in rows)
         if not total:
             return "Nobody had to wait", None
-        causes = sorted(waits, key=lambda cause: -sum(row[2] for row in waits[cause]))
-        shares = {cause: sum(row[2] for row in waits[cause]) / total for cause in causes}
-        rows = waits[causes[0]]
-        if sum(row[2] for row in rows) < 30.0:
+        sums = {cause: sum(row[2] for row in rows) for cause, rows in waits.items()}
+        shares = {cause: waited / total for cause, waited in sums.items()}
+        causes = [
+            cause
+            for cause in sorted(waits, key=lambda one: -sums[one])
+            if sums[cause] >= max(30.0, 5.0 * len({row[0] for row in waits[cause]}))
+        ]
+        rows = waits[causes[0]] if causes else []
+        if not causes:
             return f"Little waiting, {total:.1f} s of all people together", None
         people, at_once = len({row[0] for row in rows}), Counter(row[1] for row in rows)
         most = max(at_once.values())
