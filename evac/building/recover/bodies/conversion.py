@@ -1,5 +1,6 @@
 """Plans of building models: passages between rooms, and the storeys, stairs, doors and exits of all bodies."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -39,6 +40,8 @@ HALF_STOREY = 1.5
 BEYOND = 0.3
 #: Largest area of a pit, below a group of lifts [m2], and how far below the next floor pits are [m].
 LARGEST_PIT, PIT = 30.0, (0.9, HEADROOM)
+#: Names of doors of lifts.
+LIFT = re.compile(r"(?i)(lift|elevator|aufzug|fahrstuhl|ascens)(?!.*(vorraum|lobby))")
 #: Narrowest door [m].
 NARROWEST = 0.5
 
@@ -223,6 +226,7 @@ def plan_of_bodies(
         )
     walls = [body for body in bodies if body.kind == "wall"]
     hulls = {floor.name: _hull(floor, floors, walls) for floor in floors}
+    _leave_out_lifts(floors, passages, findings)
     ways = doorways_of(passages, floors, hulls, findings)
     passable = [way.ground for way in ways]
     for floor in floors:
@@ -249,6 +253,22 @@ def plan_of_bodies(
     if not plan.exits:
         _note_alone(plan, floors, stairs)
     return plan
+
+
+def _leave_out_lifts(floors: Sequence[Floor], passages: Sequence[Body], findings: list[Finding]) -> None:
+    """Take lifts from the ground of floors: small parts with doors that are all named as those of lifts."""
+    for floor in floors:
+        near = [body for body in passages if abs(body.z_min - floor.z) <= SILL]
+        parts = shapely.get_parts(floor.ground)
+        small = parts[shapely.area(parts) < LARGEST_PIT]
+        shadows = [body.shadow() for body in near]
+        part, door = shapely.STRtree(shadows).query(small, predicate="dwithin", distance=BEHIND)
+        is_lift = np.array([bool(LIFT.search(body.name)) for body in near], dtype=bool)
+        for k in np.unique(part).tolist():
+            if is_lift[door[part == k]].all():
+                text = f"{small[k].area:.2f} m2, a lift by the names of its doors"
+                findings.append(Finding("left out", text, floor.name, place_of(small[k])))
+                floor.ground = cut(floor.ground, small[k])
 
 
 def _without_pits(
