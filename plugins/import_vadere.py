@@ -48,7 +48,8 @@ class VadereImporter(Importer):
             stairs = [(_edges(one, shape), self.rise * int(one.get("treadCount", 1))) for one, shape in of["stairs"]]
             counts = {key: len(topography.get(key) or []) for key in LEFT_OUT}
         except (LookupError, TypeError, ValueError, AttributeError, RecursionError, shapely.GEOSException) as error:
-            raise ValueError(f"not a scenario of Vadere: {type(error).__name__} {error}") from error
+            text = "the topography, or a shape or number of it, is missing or none"
+            raise ValueError(f"not a scenario of Vadere: {text}") from error
         solid = shapely.union_all([shape for _, shape in (*of["obstacles"], *exits, *of["stairs"])])
         parts = [*shapely.get_parts(flat_parts(ground.difference(solid)))]
         if not parts:
@@ -107,11 +108,16 @@ def _touches(part: BaseGeometry, edge: FloatArray) -> bool:
 def _shape(given: Mapping[str, Any]) -> BaseGeometry:
     """Return a rectangle, polygon or circle of Vadere."""
     if given["type"] == "CIRCLE":
-        return shapely.Point(given["center"]["x"], given["center"]["y"]).buffer(float(given["radius"]))
-    if given["type"] == "RECTANGLE":
+        shape = shapely.Point(given["center"]["x"], given["center"]["y"]).buffer(float(given["radius"]))
+    elif given["type"] == "RECTANGLE":
         x, y, width, height = (float(given[key]) for key in ("x", "y", "width", "height"))
-        return shapely.box(x, y, x + width, y + height)
-    return shapely.make_valid(shapely.Polygon([(float(one["x"]), float(one["y"])) for one in given["points"]]))
+        shape = shapely.box(x, y, x + width, y + height)
+    else:
+        shape = shapely.Polygon([(float(one["x"]), float(one["y"])) for one in given["points"]])
+    shape = flat_parts(shapely.make_valid(shape))
+    if shape.is_empty:
+        raise ValueError("a shape has no area")
+    return shape
 
 
 def _edges(one: Mapping[str, Any], shape: BaseGeometry) -> FloatArray:

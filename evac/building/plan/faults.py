@@ -81,6 +81,8 @@ def _remedy(plan: Plan, drawing: Drawing, error: Finding, doors: list[Item]) -> 
     rest.storeys, rest.refused, rest.obstacles = plan.storeys, plan.refused, plan.obstacles
     rest.rooms = [room for room in plan.rooms if (section, room.name) != ("rooms", name)]
     setattr(alone, section, [item for item in getattr(plan, section) if item.name == name])
+    if not getattr(alone, section):  # a stair of flights and landings
+        return error.remedy
     row = table_of(alone)[section][0]
     for change in _changes(plan, drawing, section, row, error.text):
         if _is_right(rest, section, {**row, **change}, doors):

@@ -190,8 +190,9 @@ def _of_geojson(given: Mapping[str, Any]) -> Iterator[BaseGeometry]:
             with np.errstate(invalid="ignore"):
                 made = shape(given)
             yield from _simple(made)
-        except (shapely.GEOSException, AttributeError, KeyError, TypeError, ValueError, IndexError) as error:
-            raise ValueError(f"invalid GeoJSON geometry of type {kind!r}: {error}") from error
+        except (shapely.errors.ShapelyError, AttributeError, KeyError, TypeError, ValueError, IndexError) as error:
+            text = "its coordinates are not those of its type" if isinstance(kind, str) else "the type must be a text"
+            raise ValueError(f"invalid GeoJSON geometry of type {kind!r}: {text}") from error
 
 
 def is_point(item: Any) -> bool:

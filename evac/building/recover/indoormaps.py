@@ -71,7 +71,7 @@ class Storey:
 
     def spaces(self) -> list[BaseGeometry]:
         """Return rooms, and ways, joined where no door is between them; sides that touch agree."""
-        given = [part for way in self.ways for part in shapely.get_parts(way)]
+        given = np.array([part for way in self.ways for part in shapely.get_parts(way)], dtype=object)
         rows, others = shapely.STRtree(given).query(given, "intersects")
         apart = self.outlets.buffer(BESIDE / 2)
         joined = networkx.Graph()
@@ -314,6 +314,8 @@ def pieces_of(one: Steps) -> tuple[list[FloatArray], list[BaseGeometry]]:
 
 def agreeing(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
     """Return polygons whose corners and sides are the same where they are at most `SAME` apart."""
+    if not polygons:
+        return []
     corners = shapely.get_coordinates([*polygons])
     vertices, index = weld_points(np.column_stack([corners, np.zeros(len(corners))]), SAME)
     welded = shapely.set_coordinates(np.array([*polygons], dtype=object), vertices[index][:, :2])
@@ -345,7 +347,7 @@ def door_at(place: BaseGeometry, width: float, spaces: Sequence[BaseGeometry]) -
         return ends if np.hypot(*(ends[1] - ends[0])) > 0.3 else None
     middle = place.centroid
     rings = [ring for part in spaces for ring in shapely.get_parts(part.boundary)]
-    lines = np.array([side for ring in rings for side in _long_sides(ring)])
+    lines = np.array([side for ring in rings for side in _long_sides(ring)], dtype=object)
     apart = shapely.distance(lines, middle)
     if not len(lines) or apart.min() > NEAR:
         return None
