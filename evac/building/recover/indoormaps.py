@@ -309,6 +309,10 @@ def pieces_of(one: Steps) -> tuple[list[FloatArray], list[BaseGeometry]]:
         depth = [one.width * ways[row], -one.width * ways[other]]
         edges = [before[1], before[1] + depth[0], after[0], after[0] + depth[1]]
         landings.append(shapely.MultiPoint(np.concatenate(edges)).convex_hull)
+    parts = [shapely.MultiPoint(flight.reshape(-1, 2)).convex_hull for flight in flights] + landings
+    is_tight = sum(part.area for part in parts) > shapely.union_all(parts).area + SAME
+    if is_tight and np.hypot(*(corners[-1] - corners[0])) > LEAST_STEPS:  # It turns within its width.
+        return pieces_of(replace(one, line=shapely.LineString(corners[[0, -1]])))
     return flights, landings
 
 
