@@ -18,9 +18,6 @@ from evac.base.parameters import did_you_mean
 from evac.pictures import palette
 from evac.trajectory.trajectory import Frame, Trajectory
 
-#: Lower end of logarithmic scales.
-LEAST = 10.0
-
 #: Share of the values of a map that the upper end of its scale is above, if the table has none.
 MOST_VALUES = 0.99
 
@@ -47,7 +44,7 @@ DENSITY_TOP = 5.0
 
 @dataclass(frozen=True)
 class Scale:
-    """A colour scale, from 0, or from `LEAST` if it is logarithmic."""
+    """A colour scale, from 0, or from `least` if it is logarithmic; values below `least` have a neutral colour."""
 
     label: str
     unit: str
@@ -55,6 +52,7 @@ class Scale:
     top: float | None = None  # upper end; None: a round number, from the values
     is_veiled: bool = False  # whether low values let the floor show through
     is_logarithmic: bool = False
+    least: float = 0.0
     service: str = ""  # name of the levels of service that replace its colours
 
     def with_service(self, service: str) -> "Scale":
@@ -72,8 +70,8 @@ class Scale:
     def share(self, values: FloatArray, top: float) -> FloatArray:
         """Return where values are on the scale, from 0 to 1."""
         if self.is_logarithmic:
-            values = np.log(np.maximum(values, LEAST) / LEAST)
-            top = math.log(top / LEAST)
+            values = np.log(np.maximum(values, self.least) / self.least)
+            top = math.log(top / self.least)
         return np.clip(values / top, 0.0, 1.0)
 
     def ramp(self) -> FloatArray:
@@ -87,16 +85,15 @@ class Scale:
         return bands
 
     def colours_of(self, values: FloatArray, top: float) -> NDArray[np.uint8]:
-        """Return the colours of values, (n, 3); those below a logarithmic scale have a neutral one."""
+        """Return the colours of values, (n, 3); those below `least` have a neutral one."""
         colours = (255.0 * self.ramp()).round().astype(np.uint8)[(255.0 * self.share(values, top)).astype(np.int64)]
-        if self.is_logarithmic:
-            colours[values < LEAST] = palette.rgb([palette.NOTHING])[0]
+        colours[values < self.least] = palette.rgb([palette.NOTHING])[0]
         return colours
 
     @property
     def below(self) -> str:
         """What the neutral colour means, empty without one."""
-        return f"below {LEAST:g} {self.unit}" if self.is_logarithmic else ""
+        return f"below {self.least:g} {self.unit}".strip() if self.least else ""
 
     def ticks(self, top: float) -> list[tuple[float, str]]:
         """Return where ticks are, from 0 to 1, and their texts."""
@@ -105,8 +102,8 @@ class Scale:
             lower = (0.0, *service.edges)
             return [(edge / top, f"{letter} {edge:g}") for letter, edge in zip(service.letters, lower, strict=True)]
         if self.is_logarithmic:
-            decades = math.floor(math.log10(top / LEAST) + 1e-9)
-            values = [LEAST * 10.0**k for k in range(decades + 1)]
+            decades = math.floor(math.log10(top / self.least) + 1e-9)
+            values = [self.least * 10.0**k for k in range(decades + 1)]
         else:
             step = 10.0 ** math.floor(math.log10(top / 3.0))
             step = next(step * k for k in (1.0, 2.0, 5.0, 10.0) if top / (step * k) <= 6.0)
@@ -119,9 +116,9 @@ class Scale:
 PEOPLE = {
     "speed": Scale("speed", "m/s", "speed", 2.0),
     "density": Scale("density", "1/m²", "density", DENSITY_TOP),
-    "contact_force": Scale("contact force", "N", "contact force", 10_000.0, is_logarithmic=True),
-    "waiting": Scale("waited so far", "s", "waiting time"),
-    "dose": Scale("dose", "", "contact force", 1.0),
+    "contact_force": Scale("contact force", "N", "contact force", 10_000.0, is_logarithmic=True, least=10.0),
+    "waiting": Scale("waited so far", "s", "waiting time", least=1.0),
+    "dose": Scale("dose", "", "contact force", 1.0, least=0.01),
     "extinction": Scale("smoke at heads", "1/m", "smoke"),
     "visibility": Scale("visibility", "m", "speed", 30.0),
 }
@@ -139,7 +136,7 @@ MAPS = {
     "flow": _of_map("flow", "density", is_veiled=True),
     "waiting": _of_map("waiting", "waiting time", is_veiled=True),
     "time_to_clear": _of_map("time_to_clear", "waiting time"),
-    "contact_pressure": _of_map("contact_pressure", "contact force", 10_000.0, is_logarithmic=True),
+    "contact_pressure": _of_map("contact_pressure", "contact force", 10_000.0, is_logarithmic=True, least=10.0),
     "usage": _of_map("usage", "density"),
 }
 
@@ -159,7 +156,7 @@ def round_up(value: float) -> float:
     if value <= 0.0:
         return 1.0
     power = 10.0 ** math.floor(math.log10(value))
-    end = next(k * power for k in (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0) if k * power >= value * 0.999)
+    end = next(k * power for k in (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0) if k * power >= value * 0.999)
     return float(f"{end:.2g}")
 
 

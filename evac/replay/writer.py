@@ -18,7 +18,7 @@ from evac.base.errors import ResultError
 from evac.building.model.links import building_at
 from evac.folder.files import replacing
 from evac.pictures import palette
-from evac.pictures.scales import LEAST, MAPS, PEOPLE, SERVICES, Scale
+from evac.pictures.scales import MAPS, PEOPLE, SERVICES, Scale
 from evac.replay.account import Account, account_of_folder, account_of_run, poster, texts
 from evac.replay.geometry import building_for_page, marks_for_page
 from evac.replay.motion import GRAIN, MOMENT, PACE, PART, MotionPacker
@@ -205,7 +205,8 @@ def _scale(scale: Scale) -> dict[str, Any]:
         "top": scale.top,
         "stops": palette.STOPS[palette.MAPS[scale.colours]],
         "isVeiled": scale.is_veiled,
-        "least": LEAST if scale.is_logarithmic else 0,
+        "least": scale.least,
+        "isLogarithmic": scale.is_logarithmic,
         "below": scale.below,
     }
 

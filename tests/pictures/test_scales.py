@@ -48,7 +48,7 @@ def test_levels_of_service_are_bands_of_density():
 
 
 def test_scales_end_at_round_numbers_that_most_values_stay_below():
-    assert [round_up(value) for value in (0.0, 0.012, 1.0, 4.2, 61.0)] == [1.0, 0.015, 1.0, 5.0, 80.0]
+    assert [round_up(value) for value in (0.0, 0.013, 1.0, 4.2, 61.0)] == [1.0, 0.015, 1.0, 5.0, 80.0]
     grid = np.array([[np.nan, np.inf, 0.0], [1.0, 2.0, 3.0]])
     assert high_value([grid]) == 2.0  # of 1, 2 and 3, the last one below which 99 % are
     assert high_value([np.zeros((2, 2))]) == 0.0

@@ -12,7 +12,7 @@ function served(scale, service, services) {
 }
 
 // Where a value is on a scale, from 0 to 1.
-const shareOf = ({ least }, top, value) => Math.max(0, Math.min(1, least ? Math.log(value / least) / Math.log(top / least) : value / top));
+const shareOf = ({ least, isLogarithmic }, top, value) => Math.max(0, Math.min(1, isLogarithmic ? Math.log(value / least) / Math.log(top / least) : value / top));
 
 // 256 packed colours along the stops of a scale, or of its levels of service.
 function ramp({ stops, edges, top }) {

@@ -124,12 +124,12 @@ const lineStyle = (index) => `stroke:var(--line-${1 + index % LINES});stroke-das
 const noteOf = (text) => `<div class="below">${text}</div>`;
 
 // The bar of a scale with its colours, and numbers or levels of service below it.
-function bar(stops, { unit, least, below, edges, letters }, top, nothing) {
+function bar(stops, { unit, least, isLogarithmic, below, edges, letters }, top, nothing) {
   const bands = edges && [...letters].map((letter, k) => {
     const [from, to] = [k ? edges[k - 1] : 0, Math.min(top, edges[k] ?? top)];
     return `<span style="left:${100 * from / top}%" title="${k ? edges[k - 1] : 0} ${unit} or more">${to - from > 0.03 * top ? letter : ""}</span>`;
   });
-  const numbers = least ? [least, Math.sqrt(least * top), top].map((value) => Number(value.toPrecision(2))) : [0, top / 2, top];
+  const numbers = isLogarithmic ? [least, Math.sqrt(least * top), top].map((value) => Number(value.toPrecision(2))) : [0, top / 2, top];
   return `<div class="bar" style="background:${gradient(stops)}"></div>` + (bands ? `<div class="bands">${bands.join("")}</div>`
     : `<div class="ends"><span>${short(numbers[0])}</span><span>${short(numbers[1])}</span><span>≥ ${short(numbers[2])} ${unit}</span></div>`)
     + (below ? `<div class="below"><span class="swatch" style="background:${nothing}"></span>${below}</div>` : "");

@@ -94,7 +94,7 @@ class People {
 function roundUp(most) {
   if (!(most > 0)) return 1;
   const power = 10 ** Math.floor(Math.log10(most));
-  return Number(([1, 1.5, 2, 3, 4, 5, 6, 8, 10].find((k) => k * power >= most * 0.999) * power).toPrecision(2));
+  return Number(([1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10].find((k) => k * power >= most * 0.999) * power).toPrecision(2));
 }
 
 // How far along a ray an upright capsule is, infinite where it is missed.

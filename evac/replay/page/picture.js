@@ -50,7 +50,7 @@ const SWATCH = 9;  // Width of what stands for a group [pixels].
 function arrangeLegend(pen, { groups, scale }, right) {
   const plain = (colour) => [[0, colour], [1, colour]];
   const entries = scale
-    ? [{ width: 160, stops: scale.stops.map((stop, k) => [k / (scale.stops.length - 1), stop]), text: `${scale.name}, ${scale.least} to ${scale.most} ${scale.unit}` },
+    ? [{ width: 160, stops: scale.stops.map((stop, k) => [k / (scale.stops.length - 1), stop]), text: `${scale.name}, ${scale.isLogarithmic ? scale.least : 0} to ${scale.most} ${scale.unit}` },
        ...(scale.below ? [{ width: SWATCH, stops: plain(scale.nothing), text: scale.below }] : [])]
     : groups.map(({ name, look: [body, head, belt] }) => ({ width: SWATCH, text: name,
       stops: [[head, 0, 0.34], [body, 0.34, 0.56], [belt, 0.56, 0.76], [body, 0.76, 1]].flatMap(([colour, from, to]) => [[from, colour], [to, colour]]) }));
