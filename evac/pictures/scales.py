@@ -156,7 +156,9 @@ def round_up(value: float) -> float:
     if value <= 0.0:
         return 1.0
     power = 10.0 ** math.floor(math.log10(value))
-    end = next(k * power for k in (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0) if k * power >= value * 0.999)
+    end = next(
+        k * power for k in (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0) if k * power >= value * 0.999
+    )
     return float(f"{end:.2g}")
 
 

@@ -168,7 +168,7 @@ def test_a_written_default_of_a_plugin_equals_an_omitted_one(load, kind, name):
     classes = KINDS.get(kind, REGISTRY.contact_models)
     make = {"contact": lambda case: [make_contact_model(case)], "forces": make_forces, "behaviours": make_behaviours,
             "recorders": make_recorders}[kind]  # fmt: skip
-    table = {**copy.deepcopy(TABLE), "forces": {}, "behaviours": {}, kind: {name: {}}}
+    table = {**copy.deepcopy(TABLE), "phase": [], "forces": {}, "behaviours": {}, kind: {name: {}}}
     if kind == "contact":
         table["contact"]["model"] = name
     omitted = {one.name: repr(one.values()) for one in make(load(table))}

@@ -134,7 +134,7 @@ def test_people_of_the_replay_and_of_pictures_have_the_measures_of_the_trajector
             scale, top = PEOPLE[name], colours[name].top
             ramp = np.round(255 * scale.ramp()).astype(np.uint8)
             shade = ramp[int(255 * scale.share(np.array(value), top) + 1e-6)].tolist()
-            if name == "contact_force" and value < 10:
+            if value < {"speed": 0.0, "contact_force": 10.0, "waiting": 1.0}[name]:
                 shade = list(rgb([NOTHING])[0])
             assert colours[name].of(trajectory[k])[row].tolist() == [shade] * 3
     assert_agree(shown, computed)

@@ -57,7 +57,8 @@ def test_bodies_pass_gaps_that_are_wider_than_their_contact_diameter(thin):
     assert results.ended == "everybody out"
     assert (results.crowd.radius == 0.22).all()
     assert (results.crowd.contact_radius == 0.15).all()
-    assert evac.run(thin(behaviour=False, number=1)).ended != "everybody out"
+    before = thin(behaviour=False, number=None, positions=[[2.0, 2.0]])
+    assert evac.run(before).ended != "everybody out"
 
 
 def test_a_group_has_a_depth_of_its_own(thin):

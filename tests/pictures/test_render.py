@@ -84,7 +84,8 @@ def test_waiting_counts_the_time_at_which_people_stood(written):
     assert waiting.top == 8.0
     scale = np.round(255 * palette.scale("waiting time"))
     for k in range(5):
-        expected = scale[[int(255 * 2.0 * k / 8.0), 0]]
+        neutral = palette.rgb([palette.NOTHING])[0]
+        expected = [scale[int(255 * 2.0 * k / 8.0)] if k else neutral, neutral]
         np.testing.assert_array_equal(waiting.of(trajectory[k])[:, 0], expected)
 
 

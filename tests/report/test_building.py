@@ -10,6 +10,7 @@ from evac import Plan
 from evac.report.pages import BLANK, Head, page
 from evac.report.sections import building_section
 from evac.results.recordedcase import BuildingTable
+from evac.results.verdict import verdict_of
 
 from .conftest import Page
 
@@ -28,7 +29,7 @@ def section_of(with_door):
 
 @pytest.mark.parametrize("with_door", [True, False])
 def test_doors_are_listed_or_asked_for(with_door):
-    shown = Page(page(Head("title", "kind", "", {}), BLANK, [section_of(with_door)]))
+    shown = Page(page(Head("title", "kind", verdict_of(None), "", {}), BLANK, [section_of(with_door)]))
     (row,) = [row for row in shown.table("Numbers of sections") if row[1].startswith("Doors")]
     assert (row[-1] == "nothing") == with_door
     assert ("doors between rooms" in row[-1]) != with_door

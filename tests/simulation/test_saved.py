@@ -74,6 +74,7 @@ def everything():
                 {"source": "prescribed", "area": "west", "times": [0, 2, 4], "values": air, "hold": True},
             ],
             "smoke": {"period": 0.6},
+            "safety": {"visibility": 5.0, "fed": 0.3},
             "dose": {"heat": "none", "threshold": 0.05},
             "event": [
                 {"kind": "bar", "target": "west", "time": 1.5},
