@@ -285,7 +285,7 @@ def _told(results: "Results") -> dict[str, Any]:
     columns = {name: values.max(initial=0.0) for name, values in results.exposure.items() if name != "stopped_at"}
     has_dose = results.conditions is not None and results.conditions["dose"] is not None
     return {
-        "people": len(results.leaving) + results.at_places,
+        "people": len({*results.leaving.tolist(), *(row for place in results.places for row in place.people)}),
         "at_places": results.at_places,
         "stopped": len(results.stopped),
         "greatest_extinction": columns.get("greatest_extinction"),

@@ -46,9 +46,13 @@ def test_every_part_that_explain_lists_as_out_has_a_row_or_cannot_be_forced_in(m
     have = {told.get(part.name, part.name) for part in parts_of("square_room", model, ())}
     have |= {name.partition(",")[0] for name in have if name.startswith("tangential contact")}
     # What explain says of forces and behaviours when none is named stands for those of NAMED.
-    assert out - have == {"stair speeds", "forces at a distance", "behaviours", "people outside"} | (
-        {"position correction"} if model == "NSM2" else set()
-    )
+    assert out - have == {
+        "stair speeds",
+        "forces at a distance",
+        "behaviours",
+        "people outside",
+        "ways round the crowd",
+    } | ({"position correction"} if model == "NSM2" else set())
 
 
 @pytest.mark.slow

@@ -22,6 +22,7 @@ from evac.simulation.simulation import Simulation
 from tests.building.test_indoormaps import osm
 from tests.ifcfiles import IfcFile, steps
 from tests.plugins.test_drawings import double_lines
+from tests.plugins.test_import_crowds import GEOMETRY, scenario
 from tests.plugins.test_import_fds import DECK
 from tests.properties.seeded import CASE, drawn, write_case
 
@@ -90,6 +91,8 @@ FILES = {
     "a.fds": lambda: DECK,
     "a.dxf": drawing,
     "a.ifc": model,
+    "a.xml": lambda: GEOMETRY.replace("\u2212", "-"),
+    "a.scenario": lambda: json.dumps(scenario()),
     "case.toml": lambda: CASE.replace("MODEL", "nsm2"),
 }
 sound = cache(lambda name: FILES[name]())

@@ -49,7 +49,7 @@ def test_points_of_a_sweep_are_designs(tmp_path):
     assert evac.compare((sweep, 2), (sweep, 0)).designs[0].label.endswith("= 8")
     shown, mean = sweep._repr_html_(), sweep.statistics[2].mean
     assert f"<td>{mean.value:.2f}</td>" in shown or f"<td>{mean.value:.2f} ({mean.bounds()})</td>" in shown
-    assert shown.count("<th>") == 4  # the parameter, two statistics and blocked runs
+    assert shown.count("<th>") == 5  # the parameter, the verdict, two statistics and blocked runs
     assert f"<td>{compared.differences[0].change.value:.2f}</td>" in compared._repr_html_()
     assert len(sweep.plot().axes) == 1
 

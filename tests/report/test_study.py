@@ -59,6 +59,7 @@ def test_a_study_carries_what_its_runs_carry(tmp_path):
         dose={"heat": "none", "without": ["co2", "o2"]},
         smoke={"law": "none", "routes": False},
         safety={"fed": 0.3, "factor": 1.5},
+        simulation={"duration": 60.0},  # before the gases stop the person in the refuge
     )
     study = evac.repeat(case, 3, folder=tmp_path / "s", workers=1)
     runs = [study.run_again(0, k, tmp_path / str(k)) for k in range(3)]
