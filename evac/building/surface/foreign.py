@@ -234,9 +234,10 @@ def _is_top(part: Patch) -> bool:
 
 
 def _is_step(one: Patch, other: Patch) -> bool:
-    """Return whether two patches touch in plan and differ in height by at most a riser: one may be a tread."""
-    here = shapely.get_coordinates(shapely.shortest_line(one.plan, other.plan))[:1]
-    return abs(float(one.height(here)[0] - other.height(here)[0])) <= MOST_RISER
+    """Return whether two patches touch in plan and somewhere there differ in height by at most a riser."""
+    contact = shapely.get_coordinates(shapely.intersection(one.plan.buffer(APART), other.plan))
+    apart = one.height(contact) - other.height(contact)  # linear along a side that they share
+    return bool(len(contact) and apart.min() <= MOST_RISER and apart.max() >= -MOST_RISER)
 
 
 def _with_flights(patches: list[Patch], headroom: float) -> tuple[list[Patch], list[Finding]]:
