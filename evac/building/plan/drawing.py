@@ -464,7 +464,7 @@ class Drawing:
             if not is_whole:
                 text = f"exit {name!r} is {left:.2f} m wide instead of {width:.2f} m, which other exits share"
                 self._find("warning", text, storey, free[0], keys[name])
-            parted.append((tag, storey, free))
+            parted.append((tag, storey, pieces if is_whole else free))
             taken[storey] = np.concatenate([others, free])
         self.edges = parted
 
