@@ -239,3 +239,12 @@ def test_walls_that_share_corners_with_their_slabs_are_cut_out(tmp_path):
     ground[0] = ("floor", 0.0, 21.2)
     assert sorted(levels(building)) == ground  # and no roof
     assert [one.place[2] for one in building.findings if one.kind == "left out"][-1] == 0.6
+
+
+@pytest.mark.parametrize(("sides", "storeys"), [(1, [0.0, 3.0]), (3, [0.0])])
+def test_a_bare_floor_that_touches_a_wall_is_no_roof_unless_walls_end_below_its_outline(tmp_path, sides, storeys):
+    corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 6.0), (0.0, 6.0)]
+    model = Model()
+    model.points = [(x, y, z) for z in (0.0, 3.0) for x, y in corners]
+    model.faces = [[0, 1, 2, 3], [4, 5, 6, 7], *([k, (k + 1) % 4, (k + 1) % 4 + 4, k + 4] for k in range(sides))]
+    assert levels(model.read(tmp_path)) == [("floor", z, 60.0) for z in storeys]

@@ -245,15 +245,16 @@ def _storeys(rng: np.random.Generator) -> RandomMesh:
     """Return floors over each other with straight stairs between them, walls among the cells."""
     mesh = RandomMesh("")
     height, width, depth = rng.uniform(2.5, 4.0), rng.uniform(8.0, 15.0), rng.uniform(4.0, 8.0)
-    run, wide = rng.uniform(1.3, 2.0) * height, rng.uniform(1.2, 1.4)
-    count = int(rng.integers(2, 5))
+    run, wide = rng.uniform(1.3, 2.0) * height, rng.uniform(1.2, 2.0)
+    count, way = int(rng.integers(2, 5)), rng.choice([0.0, 1.2])
     for storey in range(count):
         z = storey * height
-        # The floor, beyond the well of the stairs the landings that they start and end on, and a way beside the well.
+        # The floor, beyond the well of the stairs the landings that they start and end on, and perhaps a way beside it.
         mesh.add(f"floor {storey}", *(_rectangle(*piece, z) for piece in _rectangles(rng, width, depth, 4)))
-        mesh.add(f"floor {storey}", _rectangle(width + run, 0.0, width + run + 2.0, 2.0 * wide + 1.2, z))
-        beside = (0.0, wide) if storey == 0 else (2.0 * wide, 2.0 * wide + 1.2)
-        mesh.add(f"floor {storey}", _rectangle(width, beside[0], width + run, beside[1], z))
+        mesh.add(f"floor {storey}", _rectangle(width + run, 0.0, width + run + 2.0, 2.0 * wide + way, z))
+        if storey == 0 or way:
+            beside = (0.0, wide) if storey == 0 else (2.0 * wide, 2.0 * wide + way)
+            mesh.add(f"floor {storey}", _rectangle(width, beside[0], width + run, beside[1], z))
         if storey < count - 1:
             y = wide * (1 - storey % 2)
             ends = (z, z + height) if storey % 2 == 0 else (z + height, z)

@@ -80,8 +80,9 @@ def walked_surface(
     after, notes = before, list[Finding]()
     if has_bodies:
         solid = set(body[steep].tolist())
-        after, notes = _walked_on(before, solid, closed_bodies(cells, body) & solid, headroom)
-        after, more = _reached(after, before, solid, _Upright(vertices, cells[steep], body[steep]))
+        closed = closed_bodies(cells, body) & solid
+        after, notes = _walked_on(before, solid, closed, headroom)
+        after, more = _reached(after, before, solid, closed, _Upright(vertices, cells[steep], body[steep]))
         notes = notes + more
     if has_treads:
         after, more = _with_flights(after, headroom)
@@ -139,10 +140,12 @@ class _Upright:
     def __init__(self, points: FloatArray, triangles: IndexArray, body: IndexArray) -> None:
         corners = points[triangles]
         self._foot = corners[:, :, 2].min(axis=1)
+        self._peak = np.take_along_axis(corners, corners[:, :, 2].argmax(axis=1)[:, None, None], axis=1)[:, 0]
         top = np.full(int(body.max()) + 1, -np.inf)
         np.maximum.at(top, body, corners[:, :, 2].max(axis=1))
         self._top = top[body]
-        self._tree = shapely.STRtree(shapely.linestrings(corners[:, [0, 1, 2, 0], :2]))
+        self._lines = shapely.linestrings(corners[:, [0, 1, 2, 0], :2])
+        self._tree = shapely.STRtree(self._lines)
 
     def stand_on(self, parts: Sequence[Patch]) -> BoolArray:
         """Return which level parts (n,) have faces of walls, columns or guard rails that stand on them."""
@@ -153,14 +156,23 @@ class _Upright:
         found[part[stands]] = True
         return found & [part.is_flat for part in parts]
 
+    def bear(self, part: Patch) -> bool:
+        """Return whether faces end at a part from below along most of its outline, as sides of a slab or walls do."""
+        outline = shapely.boundary(part.plan)
+        near = self._tree.query(outline, predicate="dwithin", distance=APART)
+        near = near[np.abs(self._peak[near, 2] - part.height(self._peak[near, :2])) < MOST_RISER / 2]
+        sides = shapely.union_all(shapely.buffer(self._lines[near], APART))
+        return bool(outline.intersection(sides).length > 0.5 * outline.length)
+
 
 def _reached(
-    parts: list[Patch], before: Sequence[Patch], solid: set[int], upright: _Upright
+    parts: list[Patch], before: Sequence[Patch], solid: set[int], closed: set[int], upright: _Upright
 ) -> tuple[list[Patch], list[Finding]]:
     """Return the parts without those that nobody reaches by steps: tops of walls and furniture, and roofs.
 
-    A roof or the top of a table is above a floor with walls, and has none itself, nor a name as a floor. `before`:
-    patches before any part of them was removed, since bodies that stand on a floor are cut out of it.
+    A roof or the top of a table is above a floor with walls, and has none itself, nor a name as a floor; it is the
+    upper side of a closed body, or has sides below most of its outline: a bare floor that only touches some wall has
+    not. `before`: patches before any part of them was removed, since bodies that stand on a floor are cut out of it.
     """
     pairs = [(k, j) for k, near in enumerate(_beside(parts)) for j in near if k < j and _is_step(parts[k], parts[j])]
     group = connected_components(len(parts), np.array(pairs, dtype=np.int64).reshape(-1, 2))
@@ -176,8 +188,9 @@ def _reached(
     covering, whole = np.zeros(len(parts)), np.zeros(len(parts))
     for k in np.flatnonzero(has_floor[group] & ~has_walls[group]):
         own = parts[k]
-        over = [own.over(floors[j], MOST_RISER, HIGHEST) for j in tree.query(own.plan)]
-        covering[group[k]] += shapely.union_all(over).area
+        if own.body in closed or upright.bear(own):
+            over = [own.over(floors[j], MOST_RISER, HIGHEST) for j in tree.query(own.plan)]
+            covering[group[k]] += shapely.union_all(over).area
         whole[group[k]] += own.plan.area
     is_roof = covering > 0.5 * whole
     notes = []
