@@ -45,6 +45,19 @@ def test_narrow_door_has_times_from_the_first_passage_on():
     assert found["heading rms [deg]"] == pytest.approx(0.0, abs=1e-6)
 
 
+def test_crowds_are_compared_with_those_beside_them():
+    half, other = in_a_row(40, 0.7, 1.4), in_a_row(40, 0.7, 0.7)
+    both = [np.concatenate([a, b], axis=1) for a, b in zip(half[1:3], other[1:3], strict=True)]
+    track = Track(half.time, *both, np.concatenate([np.full(40, 30.0), np.full(40, 20.0)]))
+    beside = measures.flow_beside(track, (Line(0, 0.0, 1), Line(0, 0.0, 1)))
+    assert beside == {"beside the straight corridor [-]": pytest.approx(2.0)}
+    assert measures.last_beside(track, 40) == {"beside one stream alone [-]": pytest.approx(1.5)}
+    # two of three of those who pass 16th to 60th are of the first 40, and nobody who passes later
+    share = measures.share_of_first(track, Line(0, 0.0, 1), 40)["share from the left [-]"]
+    assert share == pytest.approx(29 / 48, abs=2 / 48)
+    assert measures.distance_in_file(half, 10) == {"distance [m]": pytest.approx(0.7)}
+
+
 def test_nobody_counts_in_front_of_the_door_who_is_far_or_beyond_it():
     near = moving([(-0.5, 0.0), (-0.5, 0.4), (-2.5, 0.0), (-2.5, 0.1), (0.2, 0.0), (0.3, 0.0)], (0.0, 0.0))
     assert measures.nearest_neighbour(near, 1.0, Line(0, 0.0, 1)) == pytest.approx(0.4)

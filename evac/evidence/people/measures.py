@@ -50,6 +50,10 @@ MEASURES = (
     *(column(*ends) for column in (speed_column, frames_column) for ends in pairwise(DENSITIES)),
     "last out [s]",
     "from inner corner [m]",
+    "beside the straight corridor [-]",
+    "beside one stream alone [-]",
+    "share from the left [-]",
+    "distance [m]",
 )
 
 
@@ -220,3 +224,32 @@ def bend(track: Track) -> Values:
     frame, who = passes.argmax(axis=0), np.flatnonzero(passes.any(axis=0))
     away = np.hypot(*track.position[frame[who], who].T)
     return {**last_out(track, len(track.exit_time)), "from inner corner [m]": float(np.median(away))}
+
+
+def flow_beside(track: Track, lines: tuple[Line, Line]) -> Values:
+    """Return the steady flow of the first half of the people through a line over that of the others through theirs."""
+    half = len(track.exit_time) // 2
+    halves = slice(half), slice(half, None)
+    times = [np.sort(passing_times(track, line)[own]) for line, own in zip(lines, halves, strict=True)]
+    first, second = map(steady_flow, times)
+    return {"beside the straight corridor [-]": first / second}
+
+
+def last_beside(track: Track, alone: int) -> Values:
+    """Return when the last one left over when the last of the last `alone` people did, who are by themselves."""
+    last = [float(track.exit_time[own].max()) for own in (slice(-alone), slice(-alone, None))]
+    return {"beside one stream alone [-]": last[0] / last[1]}
+
+
+def share_of_first(track: Track, line: Line, first: int) -> Values:
+    """Return the share of the `first` people among those who pass a line, while the second to the fourth fifth pass."""
+    order = passing_times(track, line).argsort()
+    fifth = len(order) // 5
+    return {"share from the left [-]": float((order[fifth : 4 * fifth] < first).mean())}
+
+
+def distance_in_file(track: Track, behind: int) -> Values:
+    """Return the mean distance along x in the last 15 s, from the foremost to the one who is `behind` places later."""
+    x = track.position[track.time > track.time[-1] - 15.0, :, 0]
+    file = np.sort(x, axis=1)[:, ::-1]
+    return {"distance [m]": float((file[:, 0] - file[:, behind]).mean()) / behind}

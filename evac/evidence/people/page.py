@@ -5,12 +5,14 @@ from itertools import pairwise
 
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.people import scenes
-from evac.evidence.people.runs import KEY, LEFT, NEVER_BLOCKED, TABLE, jobs, measure_runs
+from evac.evidence.people.runs import DEFAULT, KEY, LEFT, NEVER_BLOCKED, TABLE, jobs, measure_runs
+from evac.evidence.people.scenes import OF_DEFAULT
+from evac.evidence.people.sensitivity import measure_sensitivity
 from evac.evidence.people.values import SHARE_ON_AVERAGE, VALUES, Value, outcome
 from evac.evidence.verdicts import MET, REPORTED, Finding, all_of, at_most, reported
 from evac.study.statistics import share_interval
 
-HELD, BLOCKED, SCENES = "Held out", "Blocked runs", "The scenes"
+HELD, BLOCKED, SCENES, SENSITIVITY = "Held out", "Blocked runs", "The scenes", "What each parameter changes"
 
 
 def run(evidence: Evidence) -> None:
@@ -21,7 +23,15 @@ def run(evidence: Evidence) -> None:
     subjects = list(dict.fromkeys((row["setting"], row["model"]) for row in runs))
     names = {row["scene"] for row in runs}
     values = [value for value in VALUES if names.issuperset(value.scenes)]
-    outcomes = evidence.measured("values", lambda: [outcome(value, *own, runs) for own in subjects for value in values])
+    outcomes = evidence.measured(
+        "values",
+        lambda: [
+            outcome(value, *own, runs)
+            for own in subjects
+            for value in values
+            if own[0] == DEFAULT or not OF_DEFAULT.keys() & value.scenes
+        ],
+    )
     for finding in verdicts(values, outcomes, runs):
         evidence.verdict(finding)
     evidence.show("scenes", __name__, outcomes=outcomes)
@@ -32,6 +42,8 @@ def run(evidence: Evidence) -> None:
         for scene in dict.fromkeys(row["scene"] for row in runs)
     ]
     evidence.show("blocked", __name__, shares=shares)
+    if not evidence.quick:
+        evidence.show("sensitivity", __name__, rows=evidence.measured("sensitivity", measure_sensitivity, evidence))
     evidence.write_page(__name__)
 
 

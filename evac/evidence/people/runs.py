@@ -16,8 +16,8 @@ from evac.case.loading import load_case
 from evac.contract.registry import built_in
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.people import measures, scenes
-from evac.evidence.people.measures import MEASURES, Line, Track
-from evac.evidence.people.scenes import NARROW_DOOR, SCENES, TWO_WAY_2, imo_8_name
+from evac.evidence.people.measures import MEASURES, Line, Track, Values
+from evac.evidence.people.scenes import NARROW_DOOR, OF_DEFAULT, SCENES, TWO_WAY_2, imo_8_name
 from evac.evidence.scenes import model_overrides
 from evac.folder.digests import digest_of_data, digest_of_file
 from evac.folder.files import replacing
@@ -68,6 +68,7 @@ def jobs(quick: bool, seed: int) -> list[Job]:
         Job(scene, setting, model, seed + k)
         for setting, model in (subjects[:1] if quick else subjects)
         for scene in SCENES
+        if setting == DEFAULT or scene not in OF_DEFAULT
         for k in range(QUICK_RUNS if quick else _runs(scene, setting, model))
     ]
 
@@ -79,20 +80,25 @@ def _runs(scene: str, setting: str, model: str) -> int:
 def run_job(job: Job) -> Row:
     """Run a scene and return its row: a run in which people are left has no measures."""
     start = process_time()
-    scene = SCENES[job.scene]()
-    content = {
-        "title": job.scene,
-        "building": scene.plan,
-        "simulation": {"duration": DURATION, "no_progress": NO_PROGRESS, "seed": job.seed},
-        "output": {"trajectory": False, "replay": False, "picture": False},
-        "people": [{"name": f"group {k}", "speed": scene.speed, **group} for k, group in enumerate(scene.people)],
-        "behaviours": SETTINGS[job.setting],
-    }
-    track, left = follow(Simulation(load_case(content, model_overrides(job.model))), scene.line)
-    values = {} if left else scene.measure(track)
+    values, left = walked(job.scene, SETTINGS[job.setting], job.model, job.seed)
     told = {name: None if math.isnan(value) else value for name, value in values.items()}
     row = dict(zip(KEY, job.key, strict=True)) | {LEFT: left, "CPU time [s]": round(process_time() - start, 2)}
     return row | told | {CODE: code()}
+
+
+def walked(name: str, behaviours: Mapping[str, Any], model: str, seed: int) -> tuple[Values, int]:
+    """Run a scene and return its measures, none if people are left, and how many are."""
+    scene = SCENES[name]()
+    content = {
+        "title": name,
+        "building": scene.plan,
+        "simulation": {"duration": DURATION, "no_progress": NO_PROGRESS, "seed": seed},
+        "output": {"trajectory": False, "replay": False, "picture": False},
+        "people": [{"name": f"group {k}", "speed": scene.speed, **group} for k, group in enumerate(scene.people)],
+        "behaviours": behaviours,
+    }
+    track, left = follow(Simulation(load_case(content, model_overrides(model))), scene.line)
+    return {} if left else scene.measure(track), left
 
 
 def follow(simulation: Simulation, line: Line | None) -> tuple[Track, int]:

@@ -25,6 +25,12 @@ SPEED = {"normal": [1.34, 0.26], "minimum": 0.7, "maximum": 2.0}
 #: Widths of doors, apart from the narrow one [m].
 DOOR_WIDTHS = (0.6, 0.7, 0.8, 1.0, 1.2, 2.0, 2.5)
 
+#: Length of the neck of these doors, other lengths, and the widths of doors with those [m].
+NECK, NECKS, NECK_WIDTHS = 0.4, (0.25, 2.8), (0.8, 1.0, 1.2)
+
+#: Widths of corridors with a corner [m], densities of crossing streams [1/m2], speeds of leaders in single file [m/s].
+CORNER_WIDTHS, CROSSING_DENSITIES, FILE_SPEEDS = (1.2, 1.8, 2.4, 3.6), (1.5, 2.0), (0.24, 0.50, 0.79)
+
 #: Entrance and exit of the corridor of 1.8 m, in the order of their measured densities [m].
 CORRIDOR_ENDS = ((0.5, 1.8), (0.7, 1.8), (1.0, 1.8), (1.45, 1.8), (1.8, 1.8), (1.8, 1.2), (1.8, 0.95), (1.8, 0.7))
 
@@ -48,13 +54,14 @@ def narrow_door_scene() -> Experiment:
     return Experiment(plan, [{"area": "start", "number": 75}], SPEED, partial(measures.narrow_door, line=line), line)
 
 
-def door_scene(width: float) -> Experiment:
-    """Return a hall with people at 3.3 per m2, and a door of 0.4 m depth with ground behind it."""
+def door_scene(width: float, neck: float = NECK) -> Experiment:
+    """Return a hall with people at 3.3 per m2, and a door with a neck of the given length, with ground behind it."""
     number, half = (100, 2.5) if width < 1.8 else (180, 3.5)
-    parts = box(-half, 0, half, 8), box(-0.5 * width, -0.4, 0.5 * width, 0), box(-half, -3, half, -0.4)
+    parts = box(-half, 0, half, 8), box(-0.5 * width, -neck, 0.5 * width, 0), box(-half, -neck - 2.6, half, -neck)
     start = box(-half, 0.5, half, 0.5 + number / 3.3 / (2.0 * half))
-    plan = one_storey(*parts, exits={"end": [(-half, -3), (half, -3)]}, areas={"start": start})
-    line = Line(1, -0.2, -1)
+    exits = {"end": [(-half, -neck - 2.6), (half, -neck - 2.6)]}
+    plan = one_storey(*parts, exits=exits, areas={"start": start})
+    line = Line(1, -0.5 * neck, -1)
     measure = partial(measures.door_flow, line=line, width=width)
     return Experiment(plan, [{"area": "start", "number": number}], SPEED, measure, line)
 
@@ -134,14 +141,68 @@ def two_exits_scene() -> Experiment:
     return Experiment(plan, people, SPEED, partial(measures.last_out, people=200))
 
 
+def corner_scene(width: float) -> Experiment:
+    """Return a corridor with a corner of 90 degrees, and a straight one beside it, each filled with 2.5 per m2."""
+    end, up = 16.0, 40.0
+    parts = box(-20, 0, width, width), box(0, 0, width, end), box(-20, up, end, up + width)
+    exits = {"corner": [(0.0, end), (width, end)], "straight": across(end, up, up + width)}
+    starts = {name: box(-19.7, y + 0.1, -3, y + width - 0.1) for name, y in (("corner", 0.0), ("straight", up))}
+    plan = one_storey(*parts, exits=exits, areas=starts)
+    number = round(2.5 * starts["corner"].area)
+    people = [{"area": name, "number": number, "exits": [name]} for name in starts]
+    lines = Line(1, width + 2.0, 1), Line(0, width + 2.0, 1)
+    return Experiment(plan, people, SPEED, partial(measures.flow_beside, lines=lines))
+
+
+def crossing_scene(density: float) -> Experiment:
+    """Return two streams that cross in corridors of 4 m, and one stream alone in a corridor beside them."""
+    parts = box(-16, -2, 16, 2), box(-2, -16, 2, 16), box(-16, 30, 16, 34)
+    exits = {"east": across(16, -2, 2), "north": [(-2.0, 16.0), (2.0, 16.0)], "alone": across(16, 30, 34)}
+    areas = {"east": box(-15.7, -2, -4, 2), "north": box(-2, -15.7, 2, -4), "alone": box(-15.7, 30, -4, 34)}
+    plan = one_storey(*parts, exits=exits, areas=areas)
+    number = round(density * areas["alone"].area)
+    people = [{"area": name, "number": number, "exits": [name]} for name in areas]
+    return Experiment(plan, people, SPEED, partial(measures.last_beside, alone=number))
+
+
+def junction_scene() -> Experiment:
+    """Return a T-junction: two corridors of 2.4 m that merge into one of 3 m, with people at 2.5 per m2 in both."""
+    parts, end = (box(-16, 0, 16, 2.4), box(-1.5, -12, 1.5, 0)), [(-1.5, -12.0), (1.5, -12.0)]
+    areas = {"left": box(-15.7, 0.1, -3, 2.3), "right": box(3, 0.1, 15.7, 2.3)}
+    plan = one_storey(*parts, exits={"end": end}, areas=areas)
+    number = round(2.5 * areas["left"].area)
+    people = [{"area": name, "number": number} for name in areas]
+    return Experiment(plan, people, SPEED, partial(measures.share_of_first, line=Line(1, -2.0, -1), first=number))
+
+
+def file_scene(speed: float) -> Experiment:
+    """Return a corridor of 0.5 m with 18 people behind one who walks at a given speed."""
+    length, body = 80.0, {"number": 18, "speed": 1.24, "tau": 0.3, "radius": 0.15}
+    areas = {"lead": box(18.2, 0.2, 18.8, 0.3), "start": box(1, 0.15, 18, 0.35)}
+    plan = one_storey(box(0, 0, length, 0.5), exits={"end": across(length, 0, 0.5)}, areas=areas)
+    people = [{**body, "area": "lead", "number": 1, "speed": speed}, {**body, "area": "start"}]
+    return Experiment(plan, people, SPEED, partial(measures.distance_in_file, behind=10), Line(0, 40.0, 1))
+
+
 NARROW_DOOR, BEND, TWO_EXITS = "door 0.5 m", "bend 4 m", "two exits"
 STAIR_DOWN, STAIR_UP, TWO_WAY_4, TWO_WAY_2 = "stair down", "stair up", "two-way 4 m", "two-way 2 m"
-IMO_8 = "IMO 8"
+IMO_8, JUNCTION = "IMO 8", "T-junction"
 
 
 #: Names of doors by width [m], corridors by entrance and exit [m], and IMO 8 by the number of those who come towards.
 door_name, corridor_name = "door {:g} m".format, "corridor {:g} to {:g} m".format
 imo_8_name = f"{IMO_8} against {{}}".format
+neck_name, corner_name = "door {:g} m, neck {:g} m".format, "corner {:g} m".format
+crossing_name, file_name = "crossing at {:g} per m2".format, "single file at {:g} m/s".format
+
+#: Scenes in which only the default movement model is measured.
+OF_DEFAULT: Mapping[str, Callable[[], Experiment]] = {
+    **{neck_name(width, neck): partial(door_scene, width, neck) for neck in NECKS for width in NECK_WIDTHS},
+    **{corner_name(width): partial(corner_scene, width) for width in CORNER_WIDTHS},
+    **{crossing_name(density): partial(crossing_scene, density) for density in CROSSING_DENSITIES},
+    JUNCTION: junction_scene,
+    **{file_name(speed): partial(file_scene, speed) for speed in FILE_SPEEDS},
+}
 
 #: All scenes by name.
 SCENES: Mapping[str, Callable[[], Experiment]] = {
@@ -155,4 +216,5 @@ SCENES: Mapping[str, Callable[[], Experiment]] = {
     **{imo_8_name(counter): partial(imo_8_scene, counter) for counter in COUNTERS},
     BEND: bend_scene,
     TWO_EXITS: two_exits_scene,
+    **OF_DEFAULT,
 }

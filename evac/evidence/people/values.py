@@ -28,6 +28,15 @@ DOOR_FLOWS = {
     **{1.2: (1.97, 1.79, 1.93), 2.0: (1.77,), 2.5: (2.05,)},
 }
 
+#: Flow through doors with a neck of 2.8 m [1/s] by width, Seyfried et al. (2009).
+LONG_NECK_FLOWS = {0.8: 1.288, 1.0: 1.900, 1.2: 2.364}
+
+#: Distances in single file [m], in the order of `FILE_SPEEDS`: 0.36 m + 1.06 s u, Seyfried et al. (2005).
+FILE_DISTANCES = (0.62, 0.89, 1.20)
+
+#: Greatest time of two crossing streams over that of one alone, in the order of `CROSSING_DENSITIES`: wanted.
+CROSSING_TIMES = (1.7, 2.0)
+
 #: Exit times at the door of 0.5 m [s], in the order of `COUNTED`.
 EXIT_TIMES = (7.3, 31.8, 65.0)
 
@@ -119,6 +128,28 @@ def _doors() -> Iterator[Value]:
         yield _value(scenes.door_name(width), "flow per metre [1/s/m]", mean, is_held_out, **target)
 
 
+def _necks() -> Iterator[Value]:
+    column = "flow per metre [1/s/m]"
+    for neck in scenes.NECKS:
+        for width in scenes.NECK_WIDTHS:
+            is_long = neck > scenes.NECK
+            measured = LONG_NECK_FLOWS[width] / width if is_long else float(np.mean(DOOR_FLOWS[width]))
+            target: dict[str, Any] = {"share": 0.12 if is_long else 0.10, "question": f"necks of {neck:g} m, flows"}
+            yield _value(scenes.neck_name(width, neck), column, measured, **target)
+
+
+def _meetings() -> Iterator[Value]:
+    for width in scenes.CORNER_WIDTHS:
+        column, bounds = "beside the straight corridor [-]", (0.9, 1.1)
+        yield _value(scenes.corner_name(width), column, bounds=bounds, question="corners, flows")
+    for density, most in zip(scenes.CROSSING_DENSITIES, CROSSING_TIMES, strict=True):
+        name, bounds = scenes.crossing_name(density), (-math.inf, most)
+        yield _value(name, "beside one stream alone [-]", bounds=bounds, question="crossing streams, times")
+    yield _value(scenes.JUNCTION, "share from the left [-]", bounds=(0.48, 0.52), question=f"{scenes.JUNCTION}, shares")
+    for speed, distance in zip(scenes.FILE_SPEEDS, FILE_DISTANCES, strict=True):
+        yield _value(scenes.file_name(speed), "distance [m]", distance, share=0.15, question="single file, distances")
+
+
 def _corridors() -> Iterator[Value]:
     names = tuple(scenes.corridor_name(*ends) for ends in scenes.CORRIDOR_ENDS)
     for ends, speed in zip(pairwise(DENSITIES), CORRIDOR_SPEEDS, strict=True):
@@ -150,7 +181,7 @@ def _ways() -> Iterator[Value]:
 
 
 #: All measured values, in the order of the page.
-VALUES: Sequence[Value] = (*_doors(), *_corridors(), *_ways())
+VALUES: Sequence[Value] = (*_doors(), *_corridors(), *_ways(), *_necks(), *_meetings())
 
 
 def outcome(value: Value, setting: str, model: str, runs: Sequence[Row]) -> Row:
