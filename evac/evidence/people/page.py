@@ -114,7 +114,8 @@ def _share(count: int, total: int) -> str:
 
 def _report_setting(evidence: Evidence, setting: str, values: Sequence[Value], outcomes: Sequence[Row]) -> None:
     rows: list[Row] = []
-    for value in values:
+    measured = {row["value"] for row in outcomes}
+    for value in (one for one in values if one.name in measured):
         told = {"value": value.name, "measured": value.measured, "target": value.wanted or "-"}
         cells = {row["model"]: _cell(row) for row in outcomes if row["value"] == value.name}
         rows.append({**told, "held out": "yes" if value.is_held_out else "no", **cells})
