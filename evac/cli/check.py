@@ -58,6 +58,7 @@ def execute_check(arguments: argparse.Namespace) -> int:
         return check_result(result)
     if path.is_file() and (path.suffix != ".toml" or path.name.lower().endswith(PLAN)):
         from evac.base.errors import ScenarioError
+        from evac.building.model.findings import refusal
         from evac.building.surface.checks import check_exits
         from evac.contract.registry import Registry
         from evac.simulation.assembly import read_building
@@ -68,15 +69,16 @@ def execute_check(arguments: argparse.Namespace) -> int:
             building = read_building(path, registry=Registry(arguments.plugins), need_exit=False)
             told += building.findings
             if arguments.json:
+                told += check_exits(building)
                 _draw(arguments.picture, building, told, path.name)
-                check_exits(building)
         if arguments.json:
             return print_findings(path, told)
         show_building(building, arguments.verbose)
         show_warnings(building.warnings)
         _draw(arguments.picture, building, building.findings, path.name)
         # Last, so that a user who has to add an exit sees the levels first.
-        check_exits(building)
+        if errors := [*check_exits(building)]:
+            raise refusal(path, errors)
         return 0
     if arguments.json:
         return check_as_json(arguments)

@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray
 from evac.base.errors import counted
-from evac.building.geometry import connected_components, segment_lengths
+from evac.building.geometry import connected_components, place_of, segment_lengths
 from evac.building.model.building import Building, Level
 from evac.building.model.findings import Finding
 
@@ -43,11 +43,11 @@ def narrow_places(building: Building, widths: ArrayLike) -> tuple[Finding, ...]:
         if portal.width < widest:
             one, other = (building.levels[index].name for index in portal.levels)
             what = f"portal {portal.name!r} between {one!r} and {other!r} is"
-            notes.append(_note(what, portal.width, one, _middle(portal.segments), bodies))
+            notes.append(_note(what, portal.width, one, place_of(portal.segments), bodies))
     for way in building.exits:
         if way.width < widest:
             what, on = f"exit {way.name!r} is", building.levels[way.level].name
-            notes.append(_note(what, way.width, on, _middle(way.segments), bodies))
+            notes.append(_note(what, way.width, on, place_of(way.segments), bodies))
     for level in building.levels:
         gaps = gaps_at(building, level, widest, float(bodies.min()))
         notes += [_note("a gap that is", width, level.name, place, bodies) for width, place in gaps]
@@ -80,7 +80,7 @@ def gaps_at(
             told.append(row)
         has_room[beside] = has_room[beside].any()
         joined[np.isin(joined, beside)] = beside.min(initial=len(parts))
-    return [(float(across[row]), _middle(segments[row])) for row in told]
+    return [(float(across[row]), place_of(segments[row])) for row in told]
 
 
 def gaps_below(polygon: BaseGeometry, width: float = CLOSED) -> FloatArray:
@@ -197,11 +197,6 @@ def _pairs(polygon: BaseGeometry, width: float) -> _Pairs:
     ends = shapely.get_coordinates(shapely.shortest_line(corners[one], lines[other])).reshape(-1, 2, 2)
     apart = np.hypot(*(ends[:, 1] - ends[:, 0]).T) > ROUNDING
     return _Pairs(lines, np.concatenate(rings), shapely.length(lines), one[apart], other[apart], ends[apart])
-
-
-def _middle(segments: FloatArray) -> tuple[float, float]:
-    x, y = segments.reshape(-1, 2).mean(axis=0).tolist()
-    return x, y
 
 
 def _note(what: str, width: float, level: str, place: tuple[float, float], bodies: FloatArray) -> Finding:
