@@ -139,17 +139,25 @@ def _built(
     plan: Plan, mesh: SurfaceMesh | None, source: Path, options: BuildingOptions, *, need_exit: bool = False
 ) -> tuple[Building | None, list[Finding]]:
     """Return the building of a mesh, or the errors that refuse it, about the items of a plan."""
-    stairs = {f"stairs.{stair.name}": stair for stair in plan.stairs}
+    if mesh is None:
+        return None, []
     try:
-        return None if mesh is None else build_building(mesh, source, options, need_exit=need_exit), []
+        building = build_building(mesh, source, options, need_exit=need_exit)
     except BuildingError as error:
         found = error.findings or (Finding("error", str(error).removeprefix(f"{source}: ")),)
-        return None, [
-            replace(one, item=key_of("stairs", stair), level=one.level or stair.lower)
-            if (stair := stairs.get(one.item or ""))
-            else one
-            for one in found
-        ]
+        return None, _of_items(plan, found)
+    return replace(building, findings=tuple(_of_items(plan, building.findings))), []
+
+
+def _of_items(plan: Plan, findings: Iterable[Finding]) -> list[Finding]:
+    """Return findings about a building with the keys and the storeys of the items of its plan."""
+    stairs = {f"stairs.{stair.name}": stair for stair in plan.stairs}
+    return [
+        replace(one, item=key_of("stairs", stairs[one.item]), level=one.level or stairs[one.item].lower)
+        if one.item in stairs
+        else one
+        for one in findings
+    ]
 
 
 def _with_cause(error: Finding, findings: Iterable[Finding]) -> str:

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.defaults import LEAST_LENGTH
 from evac.base.errors import BuildingError
 from evac.base.keys import Point
-from evac.building.geometry import flat_parts, union
+from evac.building.geometry import flat_parts, place_of, union
 from evac.building.model.building import Area, Building, Level
 from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding, noting, numbered, refusal
@@ -145,8 +145,8 @@ def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[
             areas.append(Area(own, level, polygon.normalize(), use, share))
         if len(parts) > 1:
             text = f"area {name!r} lies on {len(parts)} levels and has been divided into as many areas"
-            place = parts[0][0].representative_point().coords[0]
-            notes.append(Finding("assumed", text, level_set.levels[parts[0][1]].name, place))
+            on = level_set.levels[parts[0][1]].name
+            notes.append(Finding("assumed", text, on, place_of(parts[0][0]), f"areas.{name}"))
     return tuple(areas), notes
 
 

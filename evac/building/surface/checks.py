@@ -110,7 +110,8 @@ def missed_seams(building: Building) -> tuple[Finding, ...]:
         f"{1e3 * gap:.1f} mm here and by less than {THINNEST:g} m along {len(np.unique(one[rows]))} walls; if they "
         f"should meet, building.weld = {weld_for(float(miss[miss < THINNEST].max(initial=gap))):g} joins them"
     )
-    return (Finding("warning", text, names[0], (float(x), float(y))),)
+    item = item_of(building.levels[min(level[one[first]], level[other[first]])])
+    return (Finding("warning", text, names[0], (float(x), float(y)), item),)
 
 
 def weld_for(miss: float) -> float:
@@ -153,7 +154,7 @@ def check_stairs(building: Building) -> Iterator[Finding]:
                 ends.add(f"level {building.levels[other if one in members else one].name!r}")
         if len(ends) < 2:
             own = [building.levels[index] for index in members]
-            x, y = own[0].polygon.representative_point().coords[0]
+            x, y = place_of(own[0].polygon)
             joined = f"only {ends.pop()}" if ends else "nothing"
             text = (
                 f"stair {name!r} at ({x:z.2f}, {y:z.2f}), z = {min(lv.z_min for lv in own):.2f} to "
