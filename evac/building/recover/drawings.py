@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.building.geometry import connected_components
-from evac.building.recover.linework import PARALLEL, THICKEST_WALL, ahead
+from evac.building.recover.linework import PARALLEL, ahead, sides_of_walls
 
 #: Spacing of treads, their length, and how far their middles are beside each other at most [m].
 GOING, WIDTH, BESIDE = (0.2, 0.42), (0.7, 4.0), 0.15
@@ -179,8 +178,6 @@ OTHERS = (
 )
 #: Usual radii of doors, from which units are known, the largest one [m], and the angle that they swing [rad].
 RADII, LARGEST, SWING = (0.55, 1.3), 1.7, np.radians((20.0, 110.0))
-#: Spacings of the two sides of a wall [m], and least length of a side.
-SPACING, LEAST_SIDE = (0.04, THICKEST_WALL), 0.3
 #: Share of the lines of a layer with another side beside them from which it has walls.
 PAIRED = 0.4
 #: Greatest distance between a door and its wall [m]; that between the strikes of the two leaves of a door.
@@ -211,31 +208,14 @@ def use_of(name: str) -> str:
     return max(length, key=lambda use: length[use])
 
 
-def paired(lines: Sequence[BaseGeometry]) -> NDArray[np.bool_]:
-    """Return which of some lines of two points have another one beside them as the two sides of a wall.
-
-    `lines` [m].
-    """
-    ends = shapely.get_coordinates([*lines]).reshape(-1, 4)
-    step, middle = ends[:, 2:] - ends[:, :2], (ends[:, :2] + ends[:, 2:]) / 2
-    length = np.hypot(*step.T)
-    way = step / np.maximum(length, 1e-12)[:, None]
-    tree = shapely.STRtree([*lines])
-    one, other = tree.query(shapely.points(middle), predicate="dwithin", distance=SPACING[1])
-    off = ends[other, :2] - middle[one]
-    apart = np.abs(way[one, 0] * off[:, 1] - way[one, 1] * off[:, 0])
-    alike = np.abs((way[one] * way[other]).sum(axis=1)) > 0.999
-    fits = alike & (apart > SPACING[0]) & (length[other] > 0.3 * length[one]) & (length[one] > LEAST_SIDE)
-    return np.isin(np.arange(len(ends)), one[fits])
-
-
 def walls_by_spacing(layers: Mapping[str, Sequence[BaseGeometry]]) -> dict[str, str]:
     """Return the layers that have walls, and why: those of which most lines are the two sides of walls.
 
     `layers` [m].
     """
     total = {name: sum(line.length for line in lines) for name, lines in layers.items()}
-    double = {name: float(shapely.length([*lines])[paired(lines)].sum()) for name, lines in layers.items()}
+    paired = {name: np.unique(sides_of_walls(lines)[:, 0]) for name, lines in layers.items()}
+    double = {name: float(shapely.length([*lines])[paired[name]].sum()) for name, lines in layers.items()}
     least = 0.2 * max(double.values(), default=0.0)
     found = [name for name in layers if double[name] > max(PAIRED * total[name], least, 1e-9)]
     if found:
