@@ -136,17 +136,7 @@ def rooms_of(
     strips = [_hull(pair) for _, pair in found if len(pair) == 2 and _with_floor(_as_lines(pair), rooms).any()]
     floor = shapely.union_all([rooms, *strips], grid_size=GRID)
     outside = [one for one in drawn.loose if not floor.intersects(one.interpolate(0.5, normalized=True))]
-    has_floor = _with_floor(drawn.pieces, floor)
-    is_shared = has_floor.all(axis=1)
-    if is_shared.any():
-        pairs = sides_of_walls(drawn.pieces)
-        pairs = pairs[is_shared[pairs[:, 0]]]
-        is_shared[pairs] = False
-        single = shapely.line_merge(shapely.union_all(drawn.pieces[is_shared]))
-        thick = [single.buffer(wall / 2, cap_style="flat", join_style="mitre"), *_interiors(drawn.pieces[pairs])]
-        ground = shapely.get_parts(shapely.difference(floor, shapely.union_all(thick), grid_size=GRID))
-        floor = shapely.union_all(ground[shapely.area(ground) >= LEAST_CABIN])
-    floor = flat_parts(floor)
+    floor = _without_walls(floor, drawn.pieces, wall)
     sides = door_sides(known, floor)
     inside = [middle for middle, pair in found if _with_floor(_as_lines(pair), floor).all()]
     outer = np.concatenate([ways[: len(ways) - len(known)], mouths[segment_lengths(mouths) > THICKEST_WALL]])
@@ -170,7 +160,21 @@ def sides_of_walls(lines: Sequence[BaseGeometry] | Lines) -> IndexArray:
     apart = np.abs(way[one, 0] * off[:, 1] - way[one, 1] * off[:, 0])
     alike = np.abs((way[one] * way[other]).sum(axis=1)) > 0.999
     fits = alike & (apart > SPACING[0]) & (length[other] > 0.3 * length[one]) & (length[one] > LEAST_SIDE)
-    return np.column_stack([one, other])[fits]
+    found: IndexArray = np.column_stack([one, other])[fits]
+    return found
+
+
+def _without_walls(floor: BaseGeometry, pieces: Lines, wall: float) -> BaseGeometry:
+    """Return a floor without the walls in it: between both sides of one, or of a given thickness [m] if it has one."""
+    inside = np.flatnonzero(_with_floor(pieces, floor).all(axis=1))
+    if not len(inside):
+        return flat_parts(floor)
+    pairs = sides_of_walls(pieces)
+    pairs = pairs[np.isin(pairs[:, 0], inside)]
+    single = shapely.line_merge(shapely.union_all(pieces[np.setdiff1d(inside, pairs)]))
+    thick = [single.buffer(wall / 2, cap_style="flat", join_style="mitre"), *_interiors(pieces[pairs])]
+    ground = shapely.get_parts(shapely.difference(floor, shapely.union_all(thick), grid_size=GRID))
+    return flat_parts(shapely.union_all(ground[shapely.area(ground) >= LEAST_CABIN]))
 
 
 def _interiors(pairs: Lines) -> list[BaseGeometry]:
