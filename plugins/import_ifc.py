@@ -77,8 +77,8 @@ class IfcImporter(Importer):
     furniture = Parameter(False, "whether furniture is an obstacle")
     cut_slabs = Parameter(False, "whether slabs that block a stair are cut")
     library = Parameter("ifclite_geom", "library that computes the shapes", choices=tuple(LIBRARIES))
-    time = Parameter(60.0, "shapes that are not computed within this time are left out", unit="s", minimum=1.0)
-    product_time = Parameter(10.0, "a shape that takes longer than this is left out", unit="s", minimum=1.0)
+    time = Parameter(60.0, "shapes that are not made within this computing time are left out", unit="s", minimum=1.0)
+    product_time = Parameter(10.0, "a shape that takes more computing time is left out", unit="s", minimum=1.0)
 
     def read(self, path: Path) -> "Plan":
         """Read the bodies; raise ValueError if the file is not IFC."""

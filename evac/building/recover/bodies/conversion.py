@@ -13,7 +13,7 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import HEADROOM
 from evac.base.errors import BuildingError
 from evac.building.geometry import common, cut, place_of, united
-from evac.building.model.findings import Finding, numbered
+from evac.building.model.findings import Finding, and_more, grouped, numbered
 from evac.building.plan.outlines import normal, strip
 from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import Body, closed, snapped
@@ -219,7 +219,8 @@ def plan_of_bodies(
     floors = floors_of([*solid, *openings], passages, storeys, rules, findings)
     if not floors:
         kinds = sorted({body.kind for body in bodies})
-        lost = "".join(f"; {finding.text}" for finding in findings if finding.kind == "missing")
+        missing = grouped(finding for finding in findings if finding.kind == "missing")
+        lost = "".join(f"; {group[0].text}{and_more(group)}" for group in missing)
         raise BuildingError(
             f"{source}: the file has no floor: neither a space nor a slab with a level top, only "
             f"{', '.join(kinds) or 'nothing'}{lost}"
