@@ -159,7 +159,8 @@ def _bodies(
             findings.append(Finding("missing" if is_needed else "left out", text, element=kind))
             continue
         storey, opening = storeys.get(number, ""), fills.get(number, -1)
-        bodies.append(Body(kind, _label(number, element), points, triangles, number, storey, opening))
+        use = _use(element) if kind == "space" else ""
+        bodies.append(Body(kind, _label(number, element), points, triangles, number, storey, opening, use))
     return bodies
 
 
@@ -185,6 +186,12 @@ def _label(number: int, element: Mapping[str, Any]) -> str:
         return name
     tag = _attribute(element, "Tag") or f"#{number}"
     return f"{element['ifc_type'].removeprefix('Ifc').lower()} {tag}"
+
+
+def _use(element: Mapping[str, Any]) -> str:
+    """Return the use of a space: the words of its long name, or of its name."""
+    words = re.findall(r"[^\W\d_]{3,}", _attribute(element, "LongName") or _text(element["name"]))
+    return " ".join(words).lower() or "room"
 
 
 def _attribute(element: Mapping[str, Any], name: str) -> str:
