@@ -381,7 +381,8 @@ class _Layers:
             window,
             *(self._ground(one) for one in around),
             *(self.lasting[one].tobytes() for one in around),
-            *(link.segments.tobytes() for link in (*portals, *exits)),
+            *(portal.segments.tobytes() for portal in portals),
+            *(exit_.segments.tobytes() for exit_ in exits),
             *map(self.building.is_open, exits),
         )
         return found
