@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from evac.physics.force import Force as Force
     from evac.report.comparison import Comparison as Comparison
     from evac.report.comparison import compare as compare
+    from evac.results.ending import Stopped as Stopped
     from evac.results.reading import read_results as read_results
     from evac.results.results import Results as Results
     from evac.simulation.assembly import read_building as read_building
@@ -91,6 +92,7 @@ _HOMES = {
     "SimulationError": "evac.base.errors",
     "SmokeLaw": "evac.conditions.law",
     "Solver": "evac.physics.contact.rows",
+    "Stopped": "evac.results.ending",
     "Study": "evac.study.study",
     "SurfaceMesh": "evac.building.surface.surfacemesh",
     "Trajectory": "evac.trajectory.trajectory",

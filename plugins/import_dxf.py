@@ -1,12 +1,13 @@
 """Importer of DXF drawings: one storey, on the layers of the JuPedSim convention or on other layers."""
 
 import fnmatch
+import itertools
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import groupby
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,8 @@ from evac.building.importer import Importer, optional_library
 from evac.building.plan.plan import Plan
 from evac.building.recover.drawings import (
     APART,
+    DrawnStair,
+    add_fitting,
     doors_of,
     flights_of,
     plans_of,
@@ -51,6 +54,8 @@ CLOSED = 1e-3
 THINNEST, THICKEST_OUTLINE, LEAF = 0.02, 0.9, 0.06
 #: Length from which lines of windows are walls [m].
 LEAST_PANE = 0.5
+#: Walls of two plans this near are above each other [m], and the share that is wanted of them.
+SAME_WALL, LEAST_ALIKE = 0.05, 0.3
 #: Greatest number of findings of a kind with their own places.
 MOST_ALONE = 20
 #: Why entities are left out.
@@ -301,19 +306,20 @@ class DxfImporter(Importer):
         if len(grounds) > 1:
             text = f"{'those chosen' if self.plan else 'all'} are storeys, the lowest first (plan)"
             plan.note("assumed", f"{len(grounds)} plans, numbered from the left and the top; {text}")
-        corner = np.array(grounds[numbers[0] - 1].bounds[:2])
+        storeys: dict[str, list[Drawn]] = {}
         for index, number in enumerate(numbers):
-            ground = grounds[number - 1]
-            own = [one for one in drawn if one.line.intersects(ground)]
+            own = [one for one in drawn if one.line.intersects(grounds[number - 1])]
             name = self.storey if len(numbers) == 1 else f"{self.storey} {number}"
-            if index:
-                move = corner - ground.bounds[:2]
+            if storeys:
+                move, share = _move_above([*storeys.values()][-1], own)
                 own = [replace(one, line=shapely.transform(one.line, lambda xy, move=move: xy + move)) for one in own]
-                plan.note("assumed", f"moved by ({move[0]:.2f}, {move[1]:.2f}) above the first plan", name)
+                text = f"moved by ({move[0]:.2f}, {move[1]:.2f}) above the plan before it, on whose walls {share:.0%}"
+                kind = "assumed" if share > LEAST_ALIKE else "warning"
+                plan.note(kind, f"{text} of its walls then are", name)
+            storeys[name] = own
             self._add_plan(plan, own, name, self.z + index * self.height)
             self._add_items(plan, own, name)
-            above = f"{self.storey} {numbers[index + 1]}" if number != numbers[-1] else ""
-            _note_stairs(plan, own, name, above)
+        _add_stairs(plan, storeys)
 
     def _rooms_in(self, drawn: "list[Drawn]") -> "tuple[Rooms | None, list[BaseGeometry], list[Drawn]]":
         """Return the rooms between walls and doors, None without walls, lines of walls, and arcs that are no doors."""
@@ -329,6 +335,7 @@ class DxfImporter(Importer):
         swept = shapely.union_all([swing.sector for swing in swings]).buffer(LEAF)
         shapely.prepare(swept)
         lines = [wall.line for wall in walls if not swept.covers(wall.line)]
+        lines += _jambs([wall.line for wall in walls if swept.covers(wall.line)], lines)
         long = [side for pane in panes for side in pane.sides if side.length >= LEAST_PANE and not swept.covers(side)]
         lines += [*shapely.linestrings(reaching(shapely.get_coordinates(long), lines).reshape(-1, 2, 2))]
         others = [side for one in drawn if one.use == "doors" and not one.is_curve for side in one.sides]
@@ -478,23 +485,73 @@ def _with_walls(plan: Plan, drawn: list[Drawn]) -> list[Drawn]:
     return [replace(one, use="walls") if not one.use and one.layer in walls else one for one in drawn]
 
 
-def _note_stairs(plan: Plan, drawn: list[Drawn], storey: str, above: str) -> None:
-    """Add a finding and a proposal for each stair that is drawn on a storey, below another one."""
-    sides = [side for one in drawn if one.use not in ("windows", "doors") for side in one.sides]
-    walls = [one.line for one in drawn if one.use == "walls"]
-    for stair in stairs_of(flights_of(sides), walls):
-        (x1, y1), (x2, y2) = stair["lower_edge"].tolist()
-        width = float(np.hypot(x2 - x1, y2 - y1))
-        place = ((x1 + x2) / 2, (y1 + y2) / 2)
-        text = f"the lines of a stair {width:.2f} m wide, which begins at ({x1:.2f}, {y1:.2f}) - ({x2:.2f}, {y2:.2f})"
-        if not above:
-            plan.note("left out", f"{text}, with no plan above it", storey, place)
-            continue
-        name = f"stair {len(plan.proposals) + 1}"
-        more = f"to add it, remove the marks # of {name!r} at the end of building.plan.toml"
-        plan.note("warning", f"{text}, is left out; {more}", storey, place)
-        edges = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in stair.items()}
-        plan.proposals.append((plan.findings[-1], {"name": name, "lower": storey, "upper": above} | edges))
+def _jambs(swept: Sequence[BaseGeometry], walls: Sequence[BaseGeometry]) -> list[BaseGeometry]:
+    """Return those of the lines at the leaves of doors that are end faces of walls, which a leaf is as thin as."""
+    around = shapely.union_all([*walls])
+    shapely.prepare(around)
+    short = [line for line in swept if line.length <= 2.0 * LEAF]
+    return [line for line in short if all(around.dwithin(end, CLOSED) for end in shapely.points(line.coords))]
+
+
+def _move_above(lower: Sequence[Drawn], upper: Sequence[Drawn]) -> tuple[FloatArray, float]:
+    """Return the move (2,) of a plan that brings most of its walls onto those of another one, and their share."""
+    below, own = ([one.line for one in drawn if one.use == "walls"] for drawn in (lower, upper))
+    ground = shapely.union_all(shapely.buffer(below, SAME_WALL))
+    shapely.prepare(ground)
+    points = shapely.get_coordinates([side.centroid for line in own for side in lines_of(line)])
+    boxes = [shapely.minimum_rotated_rectangle(shapely.union_all(lines)) for lines in (below, own)]
+    corners, others = (shapely.get_coordinates(box)[:4] for box in boxes)
+    moves = (corners[:, None] - others[None]).reshape(-1, 2)
+    shares = [float(shapely.contains_xy(ground, points + move).mean()) for move in moves]
+    best = int(np.argmax(shares))
+    return np.round(moves[best], 6), shares[best]
+
+
+def _add_stairs(plan: Plan, storeys: Mapping[str, Sequence[Drawn]]) -> None:
+    """Add the stairs that are drawn in plans to the one above; propose what may be none, or does not fit."""
+    drawn = {}
+    for name, own in storeys.items():
+        sides = [side for one in own if one.use not in ("windows", "doors") for side in one.sides]
+        drawn[name] = stairs_of(flights_of(sides), [one.line for one in own if one.use == "walls"])
+    added: dict[str, tuple[DrawnStair, str, str]] = {}
+    for lower, upper in itertools.zip_longest(storeys, [*storeys][1:]):
+        below = [stair for stair, _, top in added.values() if top == lower]
+        for stair in drawn[lower]:
+            x, y = stair.foot.mean(axis=0).tolist()
+            text = f"the lines of a stair {stair.width:.2f} m wide, which begins at ({x:.2f}, {y:.2f})"
+            if upper is None:
+                if not stair.is_among(below):
+                    plan.note("left out", f"{text}, with no plan above it", lower, place_of(stair.ground))
+                continue
+            is_named = any(one.use == "stairs" and one.line.intersects(stair.ground) for one in storeys[lower])
+            if is_named or stair.is_directed or stair.is_among([*below, *drawn[upper]]):
+                added[f"stair {len(added) + 1}"] = stair, lower, upper
+                continue
+            _propose(plan, stair, lower, upper, "warning", f"{text}, is left out, since it may be none")
+    faults = add_fitting(plan, {name: partial(_add_stair, plan, name, *given) for name, given in added.items()})
+    for name, (stair, lower, upper) in added.items():
+        place = place_of(stair.ground)
+        if name in faults:
+            _propose(plan, stair, lower, upper, "missing", f"a stair {stair.width:.2f} m wide: {faults[name]}")
+        elif stair.is_directed:
+            plan.note("found", f"{name!r} to {upper!r}, {stair.width:.2f} m wide", lower, place)
+        else:
+            text = f"{name!r} to {upper!r}, {stair.width:.2f} m wide, ascends as written, since no arrow says how"
+            plan.note("assumed", text, lower, place)
+
+
+def _add_stair(plan: Plan, name: str, stair: DrawnStair, lower: str, upper: str) -> None:
+    plan.stair(name, lower, stair.foot, upper, stair.head, **stair.turn)
+
+
+def _propose(plan: Plan, stair: DrawnStair, lower: str, upper: str, kind: str, text: str) -> None:
+    """Write a stair with marks of a comment into the plan."""
+    name = f"drawn stair {len(plan.proposals) + 1}"
+    more = f"to add it, remove the marks # of {name!r} at the end of building.plan.toml"
+    plan.note(kind, f"{text}; {more}", lower, place_of(stair.ground))
+    keys = {"lower_edge": stair.foot, "upper_edge": stair.head, **stair.turn}
+    edges = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in keys.items()}
+    plan.proposals.append((plan.findings[-1], {"name": name, "lower": lower, "upper": upper} | edges))
 
 
 def _opened(path: Path, repair: bool) -> tuple[Any, list[str]]:
@@ -545,7 +602,7 @@ def _paths(entity: Any) -> Iterator[Any]:
             yield path
             continue
         start = path.start
-        for is_line, commands in groupby(path.commands(), lambda command: command.type == Command.LINE_TO):
+        for is_line, commands in itertools.groupby(path.commands(), lambda command: command.type == Command.LINE_TO):
             piece = Way(start)
             for command in commands:
                 if is_line:

@@ -5,6 +5,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
@@ -20,6 +21,7 @@ from evac.building.geometry import flat_parts, lines_of, place_of
 from evac.building.importer import Importer
 from evac.building.plan.outlines import distinct, geometries, with_walls
 from evac.building.plan.plan import Plan
+from evac.building.recover.drawings import add_fitting
 from evac.building.recover.indoormaps import (
     BESIDE,
     OSM,
@@ -152,18 +154,12 @@ class GeojsonImporter(Importer):
             self._add_level(plan, storey, heights[storey.name], "exit" if is_ground else "opening")
         numbers = range(1, len(steps) + 1)
         stairs = [(f"{one.name} {k}", one, own) for k, one, own in zip(numbers, steps, flights, strict=True)]
-        for name, one, own in stairs:
-            _add_stair(plan, name, one, own, heights)
-        fault = _fault(plan)
-        if fault:  # Those that do not fit are found one by one.
-            plan.stairs, plan.pieces = [], []
-        for name, one, own in stairs:
-            kept = [*plan.stairs], [*plan.pieces]
-            if fault:
-                _add_stair(plan, name, one, own, heights)
-            if fault and (why := _fault(plan)):
-                plan.stairs, plan.pieces = kept
-                text = f"stair {name!r} from {one.levels[0]!r} to {one.levels[1]!r}: {why}"
+        faults = add_fitting(
+            plan, {name: partial(_add_stair, plan, name, one, own, heights) for name, one, own in stairs}
+        )
+        for name, one, _ in stairs:
+            if name in faults:
+                text = f"stair {name!r} from {one.levels[0]!r} to {one.levels[1]!r}: {faults[name]}"
                 plan.note("missing", text, one.levels[0], place_of(one.line), element="feature")
                 continue
             plan.note("found", f"stair {name!r}", one.levels[0], place_of(one.line))
@@ -317,15 +313,6 @@ def _add_stair(
         plan.flight(name, edges[0], z1, edges[1], z2)
     for landing, z in zip(landings, ends[1:].tolist(), strict=False):
         plan.landing(name, landing, z)
-
-
-def _fault(plan: Plan) -> str:
-    """Return why the building cannot be made; empty if it can."""
-    try:
-        plan.building(need_exit=False)
-    except BuildingError as error:
-        return str(error)
-    return ""
 
 
 def _objects(data: Any) -> list[Mapping[str, Any]]:

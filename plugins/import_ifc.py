@@ -77,8 +77,8 @@ class IfcImporter(Importer):
     furniture = Parameter(False, "whether furniture is an obstacle")
     cut_slabs = Parameter(False, "whether slabs that block a stair are cut")
     library = Parameter("ifclite_geom", "library that computes the shapes", choices=tuple(LIBRARIES))
-    time = Parameter(60.0, "shapes that are not computed within this time are left out", unit="s", minimum=1.0)
-    product_time = Parameter(10.0, "a shape that takes longer than this is left out", unit="s", minimum=1.0)
+    time = Parameter(60.0, "shapes that are not made within this computing time are left out", unit="s", minimum=1.0)
+    product_time = Parameter(10.0, "a shape that takes more computing time is left out", unit="s", minimum=1.0)
 
     def read(self, path: Path) -> "Plan":
         """Read the bodies; raise ValueError if the file is not IFC."""
@@ -159,7 +159,8 @@ def _bodies(
             findings.append(Finding("missing" if is_needed else "left out", text, element=kind))
             continue
         storey, opening = storeys.get(number, ""), fills.get(number, -1)
-        bodies.append(Body(kind, _label(number, element), points, triangles, number, storey, opening))
+        use = _use(element) if kind == "space" else ""
+        bodies.append(Body(kind, _label(number, element), points, triangles, number, storey, opening, use))
     return bodies
 
 
@@ -185,6 +186,12 @@ def _label(number: int, element: Mapping[str, Any]) -> str:
         return name
     tag = _attribute(element, "Tag") or f"#{number}"
     return f"{element['ifc_type'].removeprefix('Ifc').lower()} {tag}"
+
+
+def _use(element: Mapping[str, Any]) -> str:
+    """Return the use of a space: the words of its long name, or of its name."""
+    words = re.findall(r"[^\W\d_]{3,}", _attribute(element, "LongName") or _text(element["name"]))
+    return " ".join(words).lower() or "room"
 
 
 def _attribute(element: Mapping[str, Any], name: str) -> str:

@@ -41,7 +41,7 @@ class JupedsimImporter(Importer):
             ]
             links += [(one, _links(one)) for one in root.iter("transition") if one.find("vertex") is not None]
             segments = [(one.tag, one.get("id", ""), keys, _line(one)) for one, keys in links]
-            shapes, z, stairs = {}, {}, set()
+            shapes, z, uses, stairs = {}, {}, {}, set()
             for room in root.iter("room"):
                 for one in room.iter("subroom"):
                     key = (room.get("id", ""), one.get("id", ""))
@@ -56,6 +56,7 @@ class JupedsimImporter(Importer):
                     z[key] = _number(one.get("C_z") or one.get("C") or room.get("zpos"))
                     if "stair" in one.get("class", "").lower() or "escalator" in one.get("class", "") or any(slopes):
                         stairs.add(key)
+                    uses[key] = (one.get("class") or "room").lower()
                     if shapes[key].is_empty:
                         raise ValueError(f"room {key[0]}, subroom {key[1]}: its walls and doors enclose no area")
         except (Tree.ParseError, shapely.GEOSException) as error:
@@ -71,12 +72,13 @@ class JupedsimImporter(Importer):
                 joined.add_edge(a, b)
         of = {height: f"z {height:g}" for height in sorted({z[key] for key in joined})}
         for height, name in of.items():
-            spaces = [
-                [shapes[key] for key in keys]
-                for keys in networkx.connected_components(joined)
-                if z[min(keys)] == height
-            ]
-            plan.storey(name, [shapely.union_all(own) for own in spaces], height, wall=self.wall)
+            spaces = [sorted(keys) for keys in networkx.connected_components(joined) if z[min(keys)] == height]
+            plan.storey(name, None, height, wall=self.wall)
+            for keys in spaces:
+                parts = shapely.get_parts(shapely.union_all([shapes[key] for key in keys]))
+                for row, part in enumerate(parts, start=1):
+                    label = f"room {' '.join(keys[0])}" + (f" ({row})" if len(parts) > 1 else "")
+                    plan.room(label, name, part, use=uses[keys[0]])
             plan.note("found", f"{len(spaces)} rooms at z = {height:g} m", name)
         for tag, number, keys, line in segments:
             name, place, own = f"{tag} {number}", place_of(line), [key for key in keys if key not in stairs]

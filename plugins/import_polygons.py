@@ -7,10 +7,14 @@ trimesh drops the names of groups, and divides non-convex polygons into fans, wh
 import codecs
 import fnmatch
 import itertools
+import math
 import re
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -48,28 +52,22 @@ class ObjImporter(Importer):
         faces: list[list[int]] = []
         edges: list[list[int]] = []
         groups, face_group, edge_group = [""], list[int](), list[int]()
-        text = path.read_text(encoding="utf-8-sig", errors="replace").replace("\\\n", " ")
-        if "\0" in text:
-            raise ValueError("the text is not UTF-8; save it as UTF-8")
-        for number, line in enumerate(text.splitlines(), start=1):
-            word, *rest = line.partition("#")[0].split() or [""]
-            try:
+        for number, line, (word, *rest) in _lines(path.read_bytes()):
+            with _in_line(number, line):
                 if word == "v":
                     x, y, z = rest[:3]
                     points.append([float(x), float(y), float(z)])
                 elif word == "f":
-                    faces.append(_checked_face(_rows(rest, len(points))))
+                    faces.append(_checked_face(_corners(rest, len(points))))
                     face_group.append(len(groups) - 1)
                 elif word == "l":
-                    chain = _rows(rest, len(points))
+                    chain = _corners(rest, len(points))
                     if len(chain) < 2:
                         raise ValueError("a line has only one corner")
                     edges += [[a, b] for a, b in itertools.pairwise(chain)]
                     edge_group += [len(groups) - 1] * (len(chain) - 1)
                 elif word in ("g", "o"):
                     groups.append(" ".join(rest))
-            except ValueError as error:
-                raise _in_line(number, line, error) from error
         tags = [_tag(name, kinds) for name in groups]
         kept = [row for row, group in enumerate(face_group) if tags[group] != "ignore"]
         own = np.array([face_group[row] for row in kept], dtype=np.int64)
@@ -97,6 +95,25 @@ class ObjImporter(Importer):
         return given
 
 
+def _lines(data: bytes, first: int = 1) -> Iterator[tuple[int, str, list[str]]]:
+    """Yield the number, the text and the words of each line that has words; `first`: number of the first line."""
+    text = data.decode("utf-8-sig", errors="replace").replace("\\\n", " ")
+    if "\0" in text:
+        raise ValueError("the text is not UTF-8; save it as UTF-8")
+    for number, line in enumerate(text.splitlines(), start=first):
+        if words := line.partition("#")[0].split():
+            yield number, line.strip(), words
+
+
+@contextmanager
+def _in_line(number: int, line: str) -> Iterator[None]:
+    """Name the line in errors."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"line {number}: {line!r}: {error}") from error
+
+
 def _checked_face(corners: list[int]) -> list[int]:
     """Return the corners of a face, at least three."""
     if len(corners) < 3:
@@ -104,14 +121,9 @@ def _checked_face(corners: list[int]) -> list[int]:
     return corners
 
 
-def _in_line(number: int, line: str, error: ValueError) -> ValueError:
-    """Return an error that names the line."""
-    return ValueError(f"line {number}: {line.strip()!r}: {error}")
-
-
-def _rows(corners: list[str], n_points: int) -> list[int]:
-    """Return the rows of the vertices of a face or a line."""
-    numbers = [int(corner.partition("/")[0]) for corner in corners]
+def _corners(words: list[str], n_points: int) -> list[int]:
+    """Return the rows of the vertices of a face or a line of OBJ."""
+    numbers = [int(word.partition("/")[0]) for word in words]
     if 0 in numbers or min(numbers, default=1) < -n_points:
         raise ValueError("a corner does not exist; vertices are counted from 1, or from -1 backwards")
     return [number - 1 if number > 0 else n_points + number for number in numbers]
@@ -126,42 +138,6 @@ def _tag(group: str, kinds: dict[str, str]) -> str:
     return f"{KINDS[found]}:{group}" if found else ""
 
 
-class OffImporter(Importer):
-    """OFF files (also COFF, NOFF, STOFF: values after x, y, z are ignored)."""
-
-    name = "off"
-    suffixes = (".off",)
-
-    def read(self, path: Path) -> SurfaceMesh:
-        """Read vertices and polygons; raise ValueError if the header, a count or a line is wrong."""
-        text = path.read_text(encoding="utf-8-sig").splitlines()
-        lines = [(number, line.partition("#")[0].split()) for number, line in enumerate(text, start=1)]
-        lines = [(number, words) for number, words in lines if words]
-        if not lines or not re.fullmatch(r"(ST)?C?N?OFF", lines[0][1][0]):
-            raise ValueError("the first word must be OFF")
-        number, first = lines[0]
-        (_, counts), *rest = [(number, first[1:]), *lines[1:]] if len(first) > 1 else lines[1:] or [(number, [])]
-        if len(counts) < 2:
-            raise ValueError("the numbers of vertices and faces are missing")
-        n_points, n_faces = int(counts[0]), int(counts[1])
-        if len(rest) != n_points + n_faces:
-            raise ValueError(f"{n_points} vertices and {n_faces} faces are declared, but {len(rest)} lines follow")
-        points, faces = [], []
-        for index, (number, words) in enumerate(rest):
-            try:
-                if index < n_points:
-                    x, y, z = words[:3]
-                    points.append([float(x), float(y), float(z)])
-                else:
-                    corners = [int(corner) for corner in words[1 : 1 + int(words[0])]]
-                    if len(corners) != int(words[0]):
-                        raise ValueError(f"{words[0]} corners are declared, but {len(corners)} follow")
-                    faces.append(_checked_face(corners))
-            except ValueError as error:
-                raise _in_line(number, text[number - 1], error) from error
-        return SurfaceMesh(points, faces)
-
-
 #: Format characters of `struct` for the types of PLY.
 TYPES = {
     **{"char": "b", "int8": "b", "uchar": "B", "uint8": "B", "short": "h", "int16": "h", "ushort": "H", "uint16": "H"},
@@ -174,11 +150,31 @@ CORNERS = ("vertex_indices", "vertex_index")
 
 @dataclass
 class _Element:
-    """An element: name, number of rows, and properties (name, type, type of the length of a list or None)."""
+    """An element of PLY: name, number of rows, and properties (name, type, type of the length of a list or None)."""
 
     name: str
     count: int
     properties: list[tuple[str, str, str | None]] = field(default_factory=list)
+
+
+class OffImporter(Importer):
+    """OFF files (also COFF, NOFF, STOFF: values after x, y, z are ignored)."""
+
+    name = "off"
+    suffixes = (".off",)
+
+    def read(self, path: Path) -> SurfaceMesh:
+        """Read vertices and polygons; raise ValueError if the header, a count or a line is wrong."""
+        lines = [*_lines(path.read_bytes())]
+        if not lines or not re.fullmatch(r"(ST)?C?N?OFF", lines[0][2][0]):
+            raise ValueError("the first word must be OFF")
+        counts, rest = lines[0][2][1:], lines[1:]
+        if not counts and rest:
+            counts, rest = rest[0][2], rest[1:]
+        if len(counts) < 2:
+            raise ValueError("the numbers of vertices and faces are missing")
+        vertices = _Element("vertex", int(counts[0]), [(axis, "d", None) for axis in "xyz"])
+        return _mesh([vertices, _Element("face", int(counts[1]), [(CORNERS[0], "i", "i")])], iter(rest))
 
 
 class PlyImporter(Importer):
@@ -195,34 +191,8 @@ class PlyImporter(Importer):
             raise ValueError("not a PLY file: the header is missing or incomplete")
         encoding, elements = _read_header(head.decode("ascii", errors="replace"))
         rest = rest[rest.index(b"\n") + 1 :] if b"\n" in rest else b""
-        body = _Body(rest, encoding)
-        points: list[list[float]] = []
-        faces: list[list[int]] = []
-        for element in elements:
-            names = [name for name, _, _ in element.properties]
-            rows = body.rows(element)
-            if element.name == "vertex":
-                numbers = [name for name, _, length in element.properties if length is None]
-                if not {"x", "y", "z"} <= set(numbers):
-                    raise ValueError("the vertices have no x, y, z")
-                columns = [names.index(axis) for axis in "xyz"]
-                points = [[row[column][0] for column in columns] for row in rows]
-            elif element.name == "face":
-                corners = next((names.index(name) for name in CORNERS if name in names), None)
-                if corners is None:
-                    raise ValueError(f"the faces have no list {' or '.join(CORNERS)}")
-                faces = [_face(row[corners]) for row in rows]
-        if not body.is_read:
-            raise ValueError("the file has more rows than its header declares")
-        return SurfaceMesh(points, faces)
-
-
-def _face(corners: list[float]) -> list[int]:
-    """Return the rows of a face's vertices."""
-    broken = next((corner for corner in corners if corner != int(corner)), None)
-    if broken is not None:
-        raise ValueError(f"a face refers to vertex {broken:g}, which is not an integer")
-    return _checked_face([int(corner) for corner in corners])
+        is_text, first = encoding == "ascii", head.count(b"\n") + 2
+        return _mesh(elements, _lines(rest, first) if is_text else _unpacked(rest, encoding, elements))
 
 
 def _read_header(head: str) -> tuple[str, list[_Element]]:
@@ -246,36 +216,67 @@ def _read_header(head: str) -> tuple[str, list[_Element]]:
     return encoding, elements
 
 
-class _Body:
-    """Reader of the numbers after the header, of text or binary with the byte order "<" or ">"."""
+def _unpacked(data: bytes, order: str, elements: list[_Element]) -> Iterator[tuple[int, str, list[float]]]:
+    """Yield binary rows as `_lines` does those of a text; `order`: "<" or ">"."""
+    at = number = 0
 
-    def __init__(self, body: bytes, encoding: str) -> None:
-        self.body = body.split() if encoding == "ascii" else body
-        self.encoding, self.at = encoding, 0
+    def take(kind: str, count: int) -> list[float]:
+        nonlocal at
+        at += count * struct.calcsize(f"{order}{kind}")
+        if at > len(data):
+            raise ValueError(f"row {number} is truncated")
+        return [*struct.unpack_from(f"{order}{count}{kind}", data, at - count * struct.calcsize(f"{order}{kind}"))]
 
-    def take(self, kinds: str) -> list[float]:
-        """Read the next numbers, of the types given by the letters of `kinds`."""
-        row = None if self.encoding == "ascii" else struct.Struct(self.encoding + kinds)
-        taken = self.body[self.at : self.at + (row.size if row else len(kinds))]
-        self.at += len(taken)
-        if len(taken) < (row.size if row else len(kinds)):
-            raise ValueError("the file is truncated: it has fewer rows than its header declares")
-        return list(row.unpack(taken)) if row else [float(word) for word in taken]  # type: ignore[arg-type]
+    for element in elements:
+        for number in range(1, element.count + 1):
+            row = list[float]()
+            for _, kind, length in element.properties:
+                row += (count := take(length, 1) if length else [])
+                row += take(kind, max(_whole(*count), 0) if length else 1)
+            yield number, element.name, row
+    if data[at:].strip():
+        yield 0, "", []
 
-    @property
-    def is_read(self) -> bool:
-        """Whether all numbers have been read, apart from line ends."""
-        rest = self.body[self.at :]
-        return not (rest.strip() if isinstance(rest, bytes) else rest)
 
-    def rows(self, element: _Element) -> list[list[list[float]]]:
-        """Read all rows of an element: a list of numbers for each property, with one number for scalar properties."""
-        if all(length is None for _, _, length in element.properties):
-            kinds = "".join(kind for _, kind, _ in element.properties)
-            numbers = self.take(kinds * element.count)
-            return [[[value] for value in row] for row in zip(*[iter(numbers)] * len(kinds), strict=True)]
-        counts = [(kind, length) for _, kind, length in element.properties]
-        return [
-            [self.take(kind * (1 if length is None else int(self.take(length)[0]))) for kind, length in counts]
-            for _ in range(element.count)
-        ]
+def _mesh(elements: list[_Element], lines: Iterator[tuple[int, str, list[Any]]]) -> SurfaceMesh:
+    """Return the mesh of the vertices and faces in the rows of a file; what else is on their lines is ignored."""
+    points, faces = list[list[float]](), list[list[int]]()
+    for element in elements:
+        scalars = {name for name, _, length in element.properties if length is None}
+        corners = next((name for name, _, length in element.properties if name in CORNERS and length), "")
+        if element.name == "vertex" and not {"x", "y", "z"} <= scalars:
+            raise ValueError("the vertices have no x, y, z")
+        if element.name == "face" and not corners:
+            raise ValueError(f"the faces have no list {' or '.join(CORNERS)}")
+        for number, line, words in itertools.islice(lines, max(element.count, 0)):
+            with _in_line(number, line):
+                row = _row(element, [float(word) for word in words])
+                if element.name == "vertex":
+                    points.append([row[axis][0] for axis in "xyz"])
+                elif element.name == "face":
+                    faces.append(_checked_face([_whole(corner) for corner in row[corners]]))
+    if next(lines, None) is not None:
+        raise ValueError("the file has more rows than its header declares")
+    counts = {element.name: element.count for element in elements}
+    if (len(points), len(faces)) != (counts.get("vertex", 0), counts.get("face", 0)):
+        raise ValueError("the file has fewer rows than its header declares")
+    return SurfaceMesh(points, faces)
+
+
+def _row(element: _Element, numbers: list[float]) -> dict[str, list[float]]:
+    """Return the values of each property of a row."""
+    row, at = {}, 0
+    for name, _, length in element.properties:
+        count = 1 if length is None else max(_whole(*numbers[at : at + 1]), 0)
+        at += (length is not None) + count
+        row[name] = numbers[at - count : at]
+    if at > len(numbers):
+        raise ValueError(f"it has only {len(numbers)} of {at} numbers")
+    return row
+
+
+def _whole(value: float = math.nan) -> int:
+    """Return the integer that a corner or a number of corners must be."""
+    if not float(value).is_integer():
+        raise ValueError(f"{value:g} is not an integer")
+    return int(value)

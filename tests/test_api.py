@@ -1,5 +1,7 @@
 """evac from Python: load, change, run, get arrays."""
 
+import copy
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -39,6 +41,20 @@ def test_the_run_with_a_folder_is_the_same(tmp_path):
     other = evac.run(evac.load("square_room"), str(tmp_path / "r"), full=True)
     np.testing.assert_array_equal(one.crowd.exit_time, other.crowd.exit_time)
     assert "output" in other.phases
+
+
+def test_what_runs_return_can_be_copied_and_pickled(tmp_path):
+    case = evac.load("square_room", {"people.people.number": 3, "output.picture": False, "output.replay": False})
+    results = evac.run(case, tmp_path / "result")
+    study = evac.repeat(case, 2, workers=1)
+    trajectory = evac.read_trajectory(tmp_path / "result")
+    for made in (lambda one: pickle.loads(pickle.dumps(one)), copy.copy, copy.deepcopy):
+        assert made(case).to_dict() == case.to_dict()
+        assert made(results).summary() == results.summary()
+        np.testing.assert_array_equal(made(trajectory).position, trajectory.position)
+        assert str(made(study).statistics) == str(study.statistics)
+        assert [row["last_out"] for row in made(study).rows()] == [row["last_out"] for row in study.rows()]
+        assert str(made(evac.compare(study, study))) == str(evac.compare(study, study))
 
 
 def test_every_public_name_is_there():

@@ -93,9 +93,11 @@ def common(geometry: BaseGeometry, other: BaseGeometry) -> BaseGeometry:
     return flat_parts(shapely.intersection(geometry, other, grid_size=GRID))
 
 
-def place_of(geometry: BaseGeometry) -> tuple[float, float]:
-    """Return a point (x, y) on a geometry, for a message or a finding."""
-    x, y = shapely.get_coordinates(geometry.representative_point())[0].tolist()
+def place_of(shape: BaseGeometry | FloatArray) -> tuple[float, float]:
+    """Return a point (x, y) on a geometry, or the mean of the ends of segments, for a message or a finding."""
+    if isinstance(shape, BaseGeometry):
+        shape = shapely.get_coordinates(shape.representative_point())
+    x, y = shape.reshape(-1, 2).mean(axis=0).tolist()
     return x, y
 
 

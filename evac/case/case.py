@@ -222,6 +222,10 @@ class Case(Table):
         """
         Path(path).write_text(case_text(self.table), encoding="utf-8")
 
+    def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
+        """Return the case itself, which cannot be changed."""
+        return self
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the content of the file; the case is checked again with the plugins of the other process."""
         from evac.case.loading import case_from

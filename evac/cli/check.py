@@ -56,87 +56,68 @@ def execute_check(arguments: argparse.Namespace) -> int:
     result = find_result(path)
     if (result.is_dir() and read_manifest(result).state) or path.name == CHECKPOINT_NAME:
         return check_result(result)
-    if path.is_file() and (path.suffix != ".toml" or path.name.lower().endswith(PLAN)):
-        from evac.base.errors import ScenarioError
-        from evac.building.surface.checks import check_exits
-        from evac.contract.registry import Registry
-        from evac.simulation.assembly import read_building
+    is_building = path.is_file() and (path.suffix != ".toml" or path.name.lower().endswith(PLAN))
+    return _check_building(arguments, path) if is_building else _check_case(arguments, path)
 
-        if arguments.set or arguments.seed is not None:
-            raise ScenarioError(f"{path}: --set and --seed apply to a case, not to a building file; remove them")
-        with _telling(arguments, path.name) as told:
-            building = read_building(path, registry=Registry(arguments.plugins), need_exit=False)
-            told += building.findings
-            if arguments.json:
-                _draw(arguments.picture, building, told, path.name)
-                check_exits(building)
-        if arguments.json:
-            return print_findings(path, told)
-        show_building(building, arguments.verbose)
-        show_warnings(building.warnings)
-        _draw(arguments.picture, building, building.findings, path.name)
-        # Last, so that a user who has to add an exit sees the levels first.
-        check_exits(building)
-        return 0
-    if arguments.json:
-        return check_as_json(arguments)
-    case = case_of(arguments)
-    show_facts({"case": case.title or case.folder.name, "file": case.source})
-    if case.unloaded_files:
-        known = _known_part(case, arguments.verbose)
-        if known is None:
-            return 0
-        case = known
+
+def _check_building(arguments: argparse.Namespace, path: Path) -> int:
+    """Show what is in a building file."""
+    from evac.base.errors import ScenarioError
+    from evac.building.model.findings import refusal
+    from evac.building.surface.checks import check_exits
+    from evac.contract.registry import Registry
+    from evac.simulation.assembly import read_building
+
+    if arguments.set or arguments.seed is not None:
+        raise ScenarioError(f"{path}: --set and --seed apply to a case, not to a building file; remove them")
+    with _telling(arguments, path.name) as told:
+        building = read_building(path, registry=Registry(arguments.plugins), need_exit=False)
+        told += [*building.findings, *check_exits(building)]
+        _draw(arguments.picture, building, told, path.name)
+        if not arguments.json:
+            show_building(building, arguments.verbose)
+            show_warnings(building.warnings)
+            # Last, so that a user who has to add an exit sees the levels first.
+            if not building.exits:
+                raise refusal(path, told[-1:])
+    return print_findings(path, told) if arguments.json else 0
+
+
+def _check_case(arguments: argparse.Namespace, path: Path) -> int:
+    """Show what is in a case."""
+    from evac.simulation.assembly import make_building
     from evac.simulation.simulation import Simulation
 
-    try:
-        with Display(has_lines=False) as display, _telling(arguments, case.title):
-            simulation = Simulation(case, will_run=False, compiling=display.compiling)
-    except BuildingError:
-        raise
-    except EvacError:
-        # The building helps to understand errors about people or directions.
-        from evac.simulation.assembly import make_building
-
-        building = make_building(case)
-        show_building(building, arguments.verbose)
-        _draw(arguments.picture, building, building.findings, case.title)
-        raise
-    show_building(simulation.building, arguments.verbose)
-    show_people(simulation)
-    show_available(simulation)
-    show_course(case)
-    show_warnings(simulation.warnings())
-    if arguments.picture is not None:
-        from evac.building.model.narrow import narrow_places
-
-        building, narrow = (
-            simulation.building,
-            narrow_places(simulation.building, 2.0 * simulation.population.crowd.contact_radius),
-        )
-        _draw(
-            arguments.picture,
-            building,
-            (*building.findings, *narrow, *simulation.stopping, *simulation.population.left_out),
-            case.title,
-        )
-    return 0
-
-
-def check_as_json(arguments: argparse.Namespace) -> int:
-    """Print the errors and findings of a case as JSON."""
-    from evac.building.model.findings import Finding
-    from evac.simulation.simulation import Simulation
-
-    with _telling(arguments, "") as told:
+    with _telling(arguments, path.name) as told:
         case = case_of(arguments)
-        with Display(has_lines=False) as display:
-            simulation = Simulation(case, will_run=False, compiling=display.compiling)
-        told += [*simulation.building.findings, *simulation.population.left_out]
-        known = {str(finding) for finding in told}
-        told += [Finding("warning", text) for text in simulation.warnings() if text not in known]
+        if not arguments.json:
+            show_facts({"case": case.title or case.folder.name, "file": case.source})
+            if case.unloaded_files:
+                known = _known_part(case, arguments.verbose)
+                if known is None:
+                    return 0
+                case = known
+        try:
+            with Display(has_lines=False) as display:
+                simulation = Simulation(case, will_run=False, compiling=display.compiling)
+        except BuildingError:
+            raise
+        except EvacError:
+            # The building helps to understand errors about people or directions.
+            building = make_building(case)
+            if not arguments.json:
+                show_building(building, arguments.verbose)
+            _draw(arguments.picture, building, building.findings, case.title)
+            raise
+        told += simulation.findings
+        if not arguments.json:
+            show_building(simulation.building, arguments.verbose)
+            show_people(simulation)
+            show_available(simulation)
+            show_course(case)
+            show_warnings(simulation.warnings())
         _draw(arguments.picture, simulation.building, told, case.title)
-    return print_findings(Path(arguments.case), told)
+    return print_findings(path, told) if arguments.json else 0
 
 
 @contextmanager

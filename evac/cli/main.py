@@ -33,7 +33,7 @@ COMMANDS = {
     "check": "check",
     **dict.fromkeys(("import", "new"), "cases"),
     "explain": "check",
-    **dict.fromkeys(("plugins", "cache"), "plugins"),
+    **dict.fromkeys(("plugins", "schema", "cache"), "plugins"),
     "conditions": "check",
     **dict.fromkeys(("replay", "export", "render", "map", "report", "compare"), "results"),
     **dict.fromkeys(("verify", "evidence"), "verify"),

@@ -1,4 +1,4 @@
-"""Commands on plugins and compiled kernels: evac plugins, evac cache."""
+"""Commands on plugins, keys of files and compiled kernels: evac plugins, evac schema, evac cache."""
 
 import argparse
 import importlib
@@ -118,6 +118,26 @@ ACTIONS = {
     "compile": "compile all kernels of evac and of its plugins that are not in the folder",
     "clear": "remove all compiled kernels from the folder",
 }
+
+
+def declare_schema(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac schema`."""
+    parser.add_argument("of", choices=("case", "plan"), help="case.toml or plan files")
+    declare_plugin(parser)
+
+
+def execute_schema(arguments: argparse.Namespace) -> int:
+    """Print the JSON schema of case.toml or of plan files, with which text editors complete and check keys.
+
+    The schema of a case has the parameters of all registered plugins. For a text editor, write it to a file:
+    `evac schema case > case.schema.json`.
+    """
+    from evac.case.jsonschema import case_schema, plan_schema
+    from evac.contract.registry import Registry
+
+    schema = case_schema(Registry(arguments.plugins)) if arguments.of == "case" else plan_schema()
+    print(json.dumps(schema, indent=1, ensure_ascii=False))
+    return 0
 
 
 def declare_cache(parser: argparse.ArgumentParser) -> None:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -36,6 +36,7 @@ from evac.directions.march.workers import March, march_all, number_of_workers
 from evac.directions.raster.grids import (
     OWN,
     BuildingGrids,
+    Shared,
     build_grids,
     count_nodes,
     lead_through_doors,
@@ -184,9 +185,6 @@ class _Solved:
     directions: list[FloatArray]  # list of (n, 2) float64
     travel_times: list[FloatArray]  # list of (n,) float64: in seconds
     marched: MarchedClass
-    # list of (m,) int64: nodes from which the way of a route leads through a gap, portal or exit that no body fits
-    # through
-    misled: list[IndexArray]
 
     def travel_time_on(self, route: int) -> FloatArray:
         """Return the travel times (nodes,) of a route on all grids [s]."""
@@ -213,6 +211,7 @@ class _Solver:
     workers: int | None
     barred: tuple[frozenset[int], ...]
     reaching: tuple[tuple[int, ...], ...]
+    shared: Shared = field(default_factory=Shared)
 
     def solve_classes(self, narrowest: float, classes: Sequence[BodyClass]) -> list[_Solved]:
         """Return the fields of all classes, those of the narrowest body [m] first."""
@@ -223,10 +222,9 @@ class _Solver:
 
     def solve(self, barred: float, avoided: float = 0.0) -> _Solved:
         """Return the fields with gaps narrower than `barred` [m] as walls, and those narrower than `avoided` slow."""
-        grids = build_grids(self.building, self.spacing, self.clearance, barred)
+        grids = build_grids(self.building, self.spacing, self.clearance, barred, self.shared)
         ways = [ends_of_route(grids.building, route) for route in self.routes]
-        slow, narrow = _nodes_in_gaps(grids, avoided)
-        factor, for_directions = _slowed(grids, _factor(grids, slow))
+        factor, for_directions = _slowed(grids, _factor(grids, _nodes_in_gaps(grids, avoided)))
         bent = _bent(grids, self.clearance, for_directions) if self.clearance > 0.0 else None
         solved = _Solved(
             grids=grids,
@@ -235,11 +233,9 @@ class _Solver:
             directions=[],
             travel_times=[],
             marched=MarchedClass(barred, [], {}),
-            misled=[],
         )
         with closing(_solve(grids, ways, self, factor, bent)) as fields:
-            for reaching, (direction, travel_time, cost) in zip(self.reaching, fields, strict=True):
-                solved.misled.append(np.concatenate([_nodes_past(grids, time, narrow) for time in (travel_time, cost)]))
+            for reaching, (direction, travel_time) in zip(self.reaching, fields, strict=True):
                 take_halos(grids, travel_time)
                 continue_values(grids, travel_time)
                 solved.directions.append(_on_levels(grids, direction, reaching))
@@ -255,18 +251,23 @@ def _on_levels(grids: BuildingGrids, values: FloatArray, levels: Sequence[int]) 
 
 
 def _narrowest_class(solver: _Solver, narrowest: float) -> _Solved:
-    """Return the fields of the class of the narrowest body.
+    """Return the fields of the class of the narrowest body, for which gaps that nobody fits through are walls.
 
-    Gaps that nobody fits through are slow. Only where the fields lead through such a gap although there is another
-    way, they are solved again with these gaps as walls.
+    Ground that is reached only through such a gap has the fields of a second solution, in which they are slow instead.
     """
-    narrow = solver.solve(0.0, avoided=narrowest)
-    if any(nodes.size for nodes in narrow.misled):
-        own = solver.solve(narrowest)
-        if any(np.isfinite(own.travel_time_on(route)[nodes]).any() for route, nodes in enumerate(narrow.misled)):
-            return _over(own, narrow)
-        narrow.marched.blocked.extend(_blocked(own, narrow))
-    return narrow
+    own = solver.solve(narrowest)
+    nodes = own.grids.own_nodes
+    is_lost = any(np.isinf(own.travel_time_on(route)[nodes]).any() for route in range(len(solver.routes)))
+    if not is_lost or not _has_gaps(solver.building, narrowest):
+        return own
+    return _over(own, solver.solve(0.0, avoided=narrowest))
+
+
+def _has_gaps(building: Building, width: float) -> bool:
+    """Return whether a link is narrower than a width [m], or a gap between walls."""
+    return any(link.width < width for link in building.links) or any(
+        len(gaps_between_walls(building, level, width)) for level in building.levels
+    )
 
 
 def _blocked(upper: _Solved, lower: _Solved) -> list[IndexArray]:
@@ -388,35 +389,12 @@ def _joined(arrays: list[FloatArray], rest: tuple[int, ...]) -> FloatArray:
     return arrays[0] if len(arrays) == 1 else np.concatenate([np.zeros((0, *rest)), *arrays])
 
 
-def _nodes_in_gaps(grids: BuildingGrids, width: float) -> tuple[IndexArray, IndexArray]:
-    """Return the nodes in gaps narrower than a width [m], and these with those at narrower portals and exits."""
-    in_gaps, too_narrow = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    for grid in grids.levels if width > 0.0 else ():
-        building, level, spacing = grids.building, grid.level, grids.lattice.spacing
-        in_gaps.append(grid.nodes_near(gaps_below(building.levels[level].polygon, width), spacing))
-        too_narrow.append(grid.nodes_near(gaps_between_walls(building, building.levels[level], width), spacing))
-        for link in building.links_of(level):
-            if building.is_open(link) and link.width < width:
-                too_narrow.append(grid.nodes_near(link.segments, spacing))
-    nodes = np.concatenate(in_gaps)
-    return nodes, np.concatenate([nodes, *too_narrow])
-
-
-def _nodes_past(grids: BuildingGrids, cost: FloatArray, narrow: IndexArray) -> IndexArray:
-    """Return the nodes whose cost (nodes,) comes from one of the nodes that are too narrow."""
+def _nodes_in_gaps(grids: BuildingGrids, width: float) -> IndexArray:
+    """Return the nodes in gaps narrower than a width [m]."""
     nodes = [np.zeros(0, np.int64)]
-    is_narrow = np.zeros(grids.size if narrow.size else 0, np.bool_)
-    is_narrow[narrow] = True
-    for grid in grids.levels if narrow.size else ():
-        marked = is_narrow[grid.packed].reshape(grid.window.shape)
-        own = cost[grid.packed].reshape(grid.window.shape)
-        lowest, through = own.copy(), np.zeros_like(marked)
-        for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):  # around each level are nodes without a cost
-            beside = np.roll(own, step, axis)
-            lower = beside < lowest
-            lowest[lower] = beside[lower]
-            through[lower] = np.roll(marked, step, axis)[lower]
-        nodes.append(grid.offset + np.flatnonzero(through & ~marked & (grid.sheet == OWN)))
+    for grid in grids.levels if width > 0.0 else ():
+        gaps = gaps_below(grids.building.levels[grid.level].polygon, width)
+        nodes.append(grid.nodes_near(gaps, grids.lattice.spacing))
     return np.concatenate(nodes)
 
 
@@ -491,11 +469,8 @@ def _solve(
     solver: _Solver,
     avoided: FloatArray,
     bent: FloatArray | None,
-) -> Generator[tuple[FloatArray, FloatArray, FloatArray], None, None]:
-    """Yield directions (nodes, 2), travel times (nodes,) and the cost (nodes,) that directions descend, as marched.
-
-    They are those to the exits of each route on all grids.
-    """
+) -> Generator[tuple[FloatArray, FloatArray], None, None]:
+    """Yield directions (nodes, 2) and travel times (nodes,) to the exits of each route on all grids, as marched."""
     building = grids.building
     cosine = np.array([math.cos(level.slope) for level in building.levels])
     marches = []
@@ -510,7 +485,7 @@ def _solve(
         for exits in ways:
             plain = next(costs)
             cost = plain if bent is None else next(costs)
-            yield _directions(grids, cost, [one for one in exits if isinstance(one, Exit)]), plain, cost
+            yield _directions(grids, cost, [one for one in exits if isinstance(one, Exit)]), plain
 
 
 def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:

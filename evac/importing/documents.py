@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from evac.base.toml import toml_lines, toml_value
 from evac.building.model.findings import KINDS, account, grouped, repaired
 from evac.contract.hooks import BASES, DEFAULT_MOVEMENT
+from evac.importing.rooms import groups_of
 
 if TYPE_CHECKING:
     from evac.importing.importing import Imported
@@ -79,10 +80,10 @@ def case_text(
         first = made.openings[0].exit()
         lines += ["# [[building.exits]]", *(f"# {line}" for line in toml_lines(first))]
     lines += PEOPLE.rstrip().splitlines()
-    for room in made.rooms:
+    for name, room in groups_of(made.building, made.rooms):
         comment = "" if room.number else "# "
         ground = f"  # {room.ground:.1f} m2, {room.number / max(room.ground, 1e-9):.2f} people per square metre"
-        group = ["[[people]]", *toml_lines({"name": room.name, "preset": "person", room.key: room.name})]
+        group = ["[[people]]", *toml_lines({"name": name, "preset": "person", room.key: room.name})]
         lines += ["", *(f"{comment}{line}" for line in [*group, f"number = {max(room.number, 1)}{ground}"])]
     if spacing is not None:
         lines += ["", "[directions]", *toml_lines({"spacing": spacing})]

@@ -13,7 +13,7 @@ from evac.base.errors import counted
 from evac.building.geometry import segment_lengths
 from evac.building.model.building import Building, Level
 from evac.building.model.elevation import level_elevation
-from evac.building.model.findings import Finding
+from evac.building.model.findings import Finding, numbered
 from evac.building.model.links import isolated_parts, levels_reaching
 from evac.building.model.storeys import storeys
 from evac.people.starts import divided, left_out
@@ -158,6 +158,22 @@ def fill(
     text = f"{placed} people start in areas, {FULL:g} per square metre; the other {people - placed} start on the floors"
     note = Finding("assumed", text, building.levels[areas[0].level].name)
     return areas + _divided(people - placed, [room for room in used if room.key == "level"] + around) + closed, [note]
+
+
+def groups_of(building: Building, rooms: Sequence[Room]) -> list[tuple[str, Room]]:
+    """Return groups and their names: the rooms, those of a use as one if people start in all of them or in none."""
+    uses = {area.name: area.use for area in building.areas}
+    by_use: dict[object, list[Room]] = {}
+    for row, room in enumerate(rooms):
+        by_use.setdefault((room.key == "area" and uses.get(room.name)) or row, []).append(room)
+    groups, names = [], set[str]()
+    for use, own in by_use.items():
+        if len(own) > 1 and len({room.number > 0 for room in own}) == 1:
+            own = [Room("use", str(use), own[0].level, sum(one.ground for one in own), sum(one.number for one in own))]
+        for group in own:
+            groups.append((numbered(group.name, names), group))
+            names.add(groups[-1][0])
+    return groups
 
 
 def _around(building: Building, areas: list[Room]) -> list[Room]:

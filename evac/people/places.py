@@ -66,7 +66,7 @@ def with_places(case: "Case", building: Building) -> Building:
     for one in case.place:
         try:
             places.append(_sign(building, one) if one.kind == "sign" else _area(building, one))
-        except ScenarioError as error:
+        except ValueError as error:
             problems.append(f"{case.source}: place.{one.name}.{error}")
     for line in case.line:
         level = building.level_named(line.level)
@@ -91,7 +91,7 @@ def _area(building: Building, place: "PlaceSettings") -> Place:
     assert place.area is not None
     if areas.count(place.area) != 1:
         hint = did_you_mean(place.area, areas) if areas else "there are no areas: add one to building.areas"
-        raise ScenarioError(f"area: no single area is named {place.area!r}; {hint}")
+        raise ValueError(f"area: no single area is named {place.area!r}; {hint}")
     area = building.areas[areas.index(place.area)]
     return Place(place.name, place.kind, area.level, area.polygon, place.area, place.capacity)
 
@@ -101,10 +101,10 @@ def _sign(building: Building, place: "PlaceSettings") -> Place:
     assert place.exit is not None
     exits, point = [exit_.name for exit_ in building.exits], shapely.Point(place.position)
     if place.exit not in exits:
-        raise ScenarioError(f"exit: no exit is named {place.exit!r}; {did_you_mean(place.exit, exits)}")
-    level = find_level(building, Placed(level=place.level, z=place.z), f"place {place.name!r}", point)
+        raise ValueError(f"exit: no exit is named {place.exit!r}; {did_you_mean(place.exit, exits)}")
+    level = find_level(building, Placed(level=place.level, z=place.z), point)
     if not shapely.dwithin(level.polygon, point, ON_WALL):
-        raise ScenarioError(f"position: {list(place.position)} is not on level {level.name!r}; move it")
+        raise ValueError(f"position: {list(place.position)} is not on level {level.name!r}; move it")
     return Place(place.name, place.kind, level.index, point, exit=place.exit, range=place.range or SIGN_RANGE)
 
 

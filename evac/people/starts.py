@@ -17,7 +17,7 @@ from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.building.model.building import Area, Building, Level
 from evac.building.model.cells import Cells
-from evac.building.model.findings import Finding
+from evac.building.model.findings import Finding, item_of
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -134,12 +134,15 @@ def start_in(building: Building, area: Area, out: LeftOut, has_way: Callable[[Fl
         allowed: BoolArray = ~shapely.intersects_xy(barred, points[:, 0], points[:, 1])
         return allowed & has_way(points) if is_needed else allowed
 
-    name, level = area.name, building.levels[area.level].name
+    name, on = area.name, building.levels[area.level]
+    item = item_of(on) if name == on.name else f"areas.{name}"
     texts = [f"nobody starts in {value:.1f} m2 of {kind} in {name!r}" for kind, value in ground.items()]
     places = {kind: part.representative_point().coords[0] for kind, part in lost.items()}
     if is_needed:
         places["floor without a way out"] = tuple(cells[~is_way][(~is_way).sum() // 2].tolist())
-    findings = [Finding("left out", text, level, places[kind]) for text, kind in zip(texts, ground, strict=True)]
+    findings = [
+        Finding("left out", text, on.name, places[kind], item) for text, kind in zip(texts, ground, strict=True)
+    ]
     return Start(may_start, out.faces if "doorways" in lost or out.doorways.is_empty else NO_FACES, tuple(findings))
 
 

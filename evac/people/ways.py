@@ -222,7 +222,8 @@ def _stopped_places(
             f"({' to '.join(dict.fromkeys(widths))} m wide) do not fit through here, and no other way to an exit is "
             "wide enough for them: widen the place, move them, or reduce their radius"
         )
-        found.append(Finding("warning", text, building.levels[int(level)].name, (float(x), float(y))))
+        name, item = building.levels[int(level)].name, f"people.{group.name}"
+        found.append(Finding("warning", text, name, (float(x), float(y)), item))
         rows = rows[~here]
     return found
 

@@ -31,8 +31,8 @@ PICTURES = (".png", ".svg", ".pdf")
 MOST_LISTED = 40
 
 AREA, OPENING, UPHILL = "#7d5fb2", "#d9730d", "#a8842c"
-MARK = dict.fromkeys(("error", "missing", "warning"), "#c0392b")
-MARK |= {"repaired": "#1f77b4", "assumed": "#b8860b", "left out": "#6b7280"}
+MARK = dict.fromkeys(("error", "missing", "warning", "left out"), "#c0392b")
+MARK |= {"repaired": "#1f77b4", "assumed": "#b8860b"}
 
 #: Background of names.
 PAPER = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7}
@@ -111,7 +111,7 @@ def _name_parts(axes: Axes, building: Building, levels: Sequence[Level]) -> None
         if area.level in rows:
             style = {"facecolor": AREA, "edgecolor": AREA, "alpha": 0.12, "lw": 0.8, "ls": ":"}
             axes.add_patch(PathPatch(outline_of(area.polygon), **style))
-            _name(axes, area.polygon, area.name, AREA)
+            _name(axes, area.polygon, f"{area.name}\n{area.polygon.area:.1f} m2", AREA)
     for door in building.doors:
         if door.level in rows:
             _line(axes, door.segment, palette.PORTAL, 0.8)

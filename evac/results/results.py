@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
@@ -153,7 +152,7 @@ class PlanRow(NamedTuple):
 def versions() -> Mapping[str, str]:
     """Return the versions of Python and of the packages that can affect results."""
     installed = {package: importlib.metadata.version(package) for package in NUMERICAL_PACKAGES}
-    return MappingProxyType({"python": platform.python_version(), **installed})
+    return {"python": platform.python_version(), **installed}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -277,7 +276,7 @@ class Results:
     """Names of the behaviours in use that make people keep distances."""
     plugins: Sequence[str] = ()
     """Name and version of each plugin used in the run."""
-    versions: Mapping[str, str] = field(default_factory=versions)
+    versions: Mapping[str, str] = field(default_factory=lambda: dict(versions()))
     """Versions of Python and of the packages that can affect results."""
     settings: Annotated[Mapping[str, Any], Field(alias="case")]
     """Every key of the case with its value; null stands for infinity."""

@@ -43,11 +43,12 @@ ENGINE = CompiledEngine
 def make_building(case: "Case") -> "Building":
     """Return the building of a case, read from its file or its plan."""
     if case.building.plan is not None:
-        surface = read_storeys(_plan_of(case), case.registry).surface()
+        read: SurfaceMesh | Plan = _plan_of(case)
     else:
         assert case.mesh is not None
-        surface = read_surface(_importer(case, case.mesh), case.mesh, case.registry)
-    return with_places(case, build_building(surface, case.mesh or case.source, case.building))
+        read = read_file(_importer(case, case.mesh), case.mesh)
+    building = _built(read, case.registry, case.mesh or case.source, case.building)
+    return with_places(case, building)
 
 
 def _plan_of(case: "Case") -> "Plan":
@@ -92,7 +93,18 @@ def read_building(
     own = BuildingOptions.read(options, BuildingError, f"{path}: building.")
     registry = registry or Registry(builtins=built_in("importer"))
     importer = create("importer", registry.importer_for(path), {})
-    return build_building(read_surface(importer, path, registry), path, own, need_exit=need_exit)
+    return _built(read_file(importer, path), registry, path, own, need_exit=need_exit)
+
+
+def _built(
+    read: "SurfaceMesh | Plan", registry: Registry, source: Path, options: BuildingOptions, *, need_exit: bool = True
+) -> "Building":
+    """Return the building of what an importer has read, or of the plan of a case."""
+    if isinstance(read, SurfaceMesh):
+        return build_building(read, source, options, need_exit=need_exit)
+    from evac.building.plan.faults import build
+
+    return build(read_storeys(read, registry), source, options, need_exit=need_exit)
 
 
 def files_of_building(case: "Case", importers: "Sequence[Importer]") -> Sequence[Path]:

@@ -14,6 +14,7 @@ from evac.base.errors import EvacError, PluginError, naming, noting, plugin_code
 from evac.base.phases import Phases, Progress
 from evac.base.saved import Bounds, Saved, SavedError, part_of, state_of
 from evac.building.model.building import Building
+from evac.building.model.findings import Finding, as_findings, warnings_of
 from evac.building.model.narrow import narrow_places
 from evac.case.loading import as_case
 from evac.case.schema import LONGEST_RUN
@@ -99,6 +100,9 @@ class Simulation(Saved):
         Wall time of each phase.
     ended : str
         Why the run has ended; empty during the run.
+    findings : tuple of Finding
+        What is known of building and people before the first step: those of the building, places that are too narrow,
+        ground on which nobody starts, and warnings about people.
     stopping : tuple of Finding
         Places that are too narrow for people who have no other way to an exit.
     resumed : list of dict
@@ -177,7 +181,7 @@ class Simulation(Saved):
         self.loop = Loop(self)
         self.plan = needed.explain(self, forces, behaviours)
         self.registry.call_all("evac_prepare", simulation=self)
-        self._warnings_at_start = self._warn_at_start()
+        self.findings = self._found_at_start()
 
     @property
     def dose(self) -> FloatArray | None:
@@ -230,17 +234,17 @@ class Simulation(Saved):
         shut = [doorway_warning(change) for change in self.scene.changes if change.values.get("let_through")]
         if self.scene.changes or self.building.closed:
             shut += cut_off(self.building, self.fields, crowd, self.population.groups)
-        return (*self._warnings_at_start, *shut)
+        return (*warnings_of(self.findings), *shut)
 
-    def _warn_at_start(self) -> tuple[str, ...]:
-        """Return the warnings that follow from the state before the first step."""
+    def _found_at_start(self) -> tuple[Finding, ...]:
+        """Return the findings about building and people before the first step; those without a place are warnings."""
         crowd, groups = self.population.crowd, self.population.groups
         air = () if self.exposure is None else self.exposure.warnings()
         narrow = narrow_places(self.building, 2.0 * crowd.contact_radius)
         start = crowd.replace(level=np.where(crowd.arrival_time == 0.0, crowd.level, np.int32(-1)))
         people = (*unusual(start, groups), *late_starts(crowd, self.case.simulation.duration))
-        places = map(str, (*narrow, *self.stopping))
-        return (*self.building.warnings, *air, *places, *people, *rivals(self.case.keeps_distance))
+        rivalling, out = rivals(self.case.keeps_distance), self.population.left_out
+        return as_findings((*self.building.findings, *air, *narrow, *self.stopping, *people, *rivalling, *out))
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Results:
         """Run to the end and return the results: `advance_tick` until the run has ended.

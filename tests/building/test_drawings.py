@@ -45,6 +45,10 @@ def test_two_flights_side_by_side_turn_at_the_wall():
     flights = flights_of([*treads(at=(0.0, 0.0)), *treads(at=(0.0, 1.3))])
     walls = [shapely.LineString([(-1.4, -1), (-1.4, 4)]), shapely.LineString([(6, -1), (6, 4)])]
     (stair,) = stairs_of(flights, walls)
-    assert stair["direction"].tolist() == [-1.0, 0.0]
-    assert (stair["length"], stair["landing"]) == (pytest.approx(2.24), pytest.approx(1.4))
-    assert stair["lower_edge"][:, 0].tolist() == stair["upper_edge"][:, 0].tolist() == [2.24, 2.24]
+    assert stair.turn["direction"].tolist() == [-1.0, 0.0]
+    assert (stair.turn["length"], stair.turn["landing"]) == (pytest.approx(2.24), pytest.approx(1.4))
+    assert stair.foot[:, 0].tolist() == stair.head[:, 0].tolist() == [2.24, 2.24]
+
+
+def test_flights_that_are_not_side_by_side_are_stairs_of_their_own():
+    assert len(stairs_of(flights_of([*treads(), *treads(at=(20.0, 0.0)), *treads(at=(0.0, 9.0))]), [])) == 3

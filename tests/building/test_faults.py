@@ -160,6 +160,19 @@ def test_the_other_turn_is_the_remedy_of_a_stair_that_turns_into_a_wall():
     assert [(one.item, one.remedy) for one in plan.check()] == [("stairs.stair", 'turn = "left"')]
 
 
+def test_a_steep_shaft_beside_a_misspelt_key_is_told_with_its_key_and_a_length():
+    plan = Plan()
+    plan.storey("low", [(0, 0), (9, 0), (9, 6), (0, 6)])
+    plan.storey("high", z=3.0, like="low")
+    plan.shaft("shaft", "low", "high", [(4, 0.1), (4, 1.3)], length=0.8, direction=(1, 0), turn="left")
+    table = table_of(plan)
+    steep = ("shafts.shaft", "low", "length = 1.6")
+    assert [(one.item, one.storey, one.remedy) for one in errors_of(table)] == [steep]
+    table["areas"] = [{"name": "start", "storey": "low", "polgon": [[0, 3], [9, 3], [9, 6]]}]
+    told = [(one.item, one.storey, one.remedy.partition(" = ")[0]) for one in errors_of(table)]
+    assert told == [("areas.start", "low", "polygon"), ("shafts.shaft", "low", "length")]
+
+
 def test_the_remedy_of_doors_without_a_wall_is_the_wall_of_their_storey():
     plan = Plan()
     rooms = [box(6 * k, 0, 6 * k + 6, 6) for k in range(4)]

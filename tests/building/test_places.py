@@ -57,7 +57,7 @@ def test_exit_off_the_edge_names_the_nearest(room, read, segment, words):
     with pytest.raises(BuildingError, match="exit 'out'") as caught:
         read(room, exits=[way(*segment)])
     assert words in str(caught.value)
-    assert str(caught.value).endswith("building.exits.out)")
+    assert [one.item for one in caught.value.findings] == ["building.exits.out"]
 
 
 def test_second_exit_on_the_same_edge(room, read):
@@ -111,7 +111,7 @@ def test_area_is_clipped_to_its_level(room, read):
     assert area.polygon.equals(shapely.box(5, 3, 6, 4))
     with pytest.raises(BuildingError, match=r"area 'start' .*\(0.00, 0.00\) to \(6.00, 4.00\)"):
         read(room, exits=[way([6, 1], [6, 2])], areas=[{**square, "polygon": [[8, 8], [9, 8], [9, 9]]}])
-    with pytest.raises(BuildingError, match=r"areas .*'start'"):
+    with pytest.raises(BuildingError, match=r"building\.areas\.start"):
         read(room, exits=[way([6, 1], [6, 2])], areas=[square, square])
     with pytest.raises(BuildingError, match="Self-intersection"):
         read(room, exits=[way([6, 1], [6, 2])], areas=[{**square, "polygon": [[0, 0], [2, 2], [2, 0], [0, 1]]}])
@@ -149,8 +149,8 @@ def test_no_walls_are_left_inside_an_obstacle(mesh, read):
 @pytest.mark.parametrize(
     ("polygon", "words"),
     [
-        ([[5, 1.5], [6, 1.5], [6, 3], [5, 3]], r"obstacle 'desk' .* 0.50 m .* exit 'out' at \(6.00, 1.75\)"),
-        ([[8, 1], [9, 1], [9, 2]], "obstacle 'desk' .* level"),
+        ([[5, 1.5], [6, 1.5], [6, 3], [5, 3]], r"obstacle 'desk'.* 0.50 m .* exit 'out' at \(6.00, 1.75\)"),
+        ([[8, 1], [9, 1], [9, 2]], "obstacle 'desk'.* level"),
         ([[-1, -1], [5.9, -1], [5.9, 5], [-1, 5]], "area 'start'"),
         ([[1, 1], [2, 1]], "polygon"),
     ],

@@ -9,7 +9,6 @@ from evac.building.recover.products import read_products
 
 LIBRARY = """
 import os
-import time
 
 def entity_data(content, **_):
     if content == b"damaged":
@@ -20,8 +19,8 @@ def entity_data(content, **_):
 
 def geometry_data_buffers(content, ids):
     os.write(2, b"a word\\n")
-    if 7 in ids:
-        time.sleep(1000.0)
+    while 7 in ids:
+        pass
     if 8 in ids:
         os._exit(1)
     points, faces = bytes(9 * 8), (0).to_bytes(4, "little") * 3

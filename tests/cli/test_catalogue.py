@@ -1,4 +1,4 @@
-"""evac list, evac plugins, evac explain."""
+"""evac list, evac plugins, evac schema, evac explain."""
 
 from evac.contract.registry import Registry
 

@@ -8,7 +8,9 @@ import pytest
 import shapely
 
 from evac.directions.build import build_fields
+from evac.directions.march import marching
 from evac.directions.routes import Route
+from tests.directions.conftest import Drawing
 from tests.directions.walks import along, geodesics, positions_on, walk
 
 ANY = (Route(),)
@@ -235,3 +237,53 @@ def test_same_bits_again(drawing):
     first, second = (build_fields(building, ANY) for _ in range(2))
     assert np.array_equal(first.packed.travel_time, second.packed.travel_time)
     assert np.array_equal(first.packed.direction, second.packed.direction)
+
+
+def tower(storeys):
+    """Return storeys of one room that are joined by stairs with a landing; the exit is on the lowest one."""
+    drawing = Drawing()
+    floors = [drawing.level((0, 0, 6, 4), z=3.0 * k) for k in range(storeys)]
+    for k in range(storeys - 1):
+        up = drawing.level((6, 0, 9, 2), uphill=(1.0, 0.0), slope=0.4636, z=3.0 * k)
+        landing = drawing.level((9, 0, 11, 4), z=3.0 * k + 1.5)
+        on = drawing.level((6, 2, 9, 4), uphill=(-1.0, 0.0), slope=0.4636, z=3.0 * k + 1.5)
+        for one, other, x, y in (
+            (floors[k], up, 6, 0),
+            (up, landing, 9, 0),
+            (landing, on, 9, 2),
+            (on, floors[k + 1], 6, 2),
+        ):
+            drawing.portal(one, other, (x, y), (x, y + 2))
+    drawing.exit("out", 0, (0, 1), (0, 3))
+    return drawing.build()
+
+
+def test_storeys_that_are_alike_are_marched_once_with_the_same_times(monkeypatch):
+    counted, solve = [], marching.skfmm.travel_time
+    monkeypatch.setattr(
+        marching.skfmm, "travel_time", lambda *given, **more: counted.append(1) or solve(*given, **more)
+    )
+    few, many = (build_fields(tower(storeys), (Route(),)) and len(counted) for storeys in (5, 9))
+    assert many - few <= few + 2
+    shared = build_fields(tower(6), (Route(),)).packed
+    monkeypatch.setattr(marching, "ALIKE", -1.0)
+    alone = build_fields(tower(6), (Route(),)).packed
+    np.testing.assert_allclose(shared.travel_time, alone.travel_time, rtol=1e-12)
+    np.testing.assert_allclose(shared.direction, alone.direction, atol=1e-6)
+
+
+def test_ground_behind_a_slit_has_times_and_does_not_change_those_before_it():
+    """Two rooms joined by a door and by a slit that nobody fits through, and a third one behind another slit."""
+    drawing = Drawing()
+    rooms = [drawing.level((6 * k, 0, 6 * k + 6, 4)) for k in range(3)]
+    drawing.portal(rooms[0], rooms[1], (6, 0.5), (6, 0.7))
+    drawing.portal(rooms[0], rooms[1], (6, 2.5), (6, 3.5))
+    drawing.portal(rooms[1], rooms[2], (12, 0.5), (12, 0.7))
+    drawing.exit("out", 0, (0, 0.5), (0, 1.5))
+    both = build_fields(drawing.build(), (Route(),), narrowest=0.4)
+    without = build_fields(replace(drawing.build(), closed=frozenset({0, 2})), (Route(),), narrowest=0.4)
+    level, places = np.array([1, 1, 2]), np.array([[7.0, 0.6], [9.0, 2.0], [15.0, 2.0]])
+    times, known = (one.travel_time_at(level, places, 0) for one in (both, without))
+    np.testing.assert_array_equal(times[:2], known[:2])
+    assert np.isfinite(times[2])
+    assert np.isinf(known[2])

@@ -30,7 +30,7 @@ def test_a_wall_with_its_faces_on_nodes_holds(drawing, x, thickness, spacing, as
     drawing.exit("A", 0, (10.0, 0.5), (10.0, 1.5))
     building = drawing.build()
     if as_obstacle:
-        building = add_obstacles(building, [("wall", building.levels[0], shapely.box(x, 0.0, x + thickness, 5.0))])
+        building = add_obstacles(building, [("wall", building.levels[0], shapely.box(x, 0.0, x + thickness, 5.0))], [])
     fields = build_fields(building, ANY, spacing=spacing)
     start = np.array([[x - 1.0, 2.0]])
     exact = math.hypot(1.0, 3.0) + thickness + math.hypot(10.0 - x - thickness, 3.5)

@@ -239,28 +239,62 @@ def two_plans():
     return drawing
 
 
-@pytest.mark.parametrize("is_u_shaped", [False, True])
-def test_a_drawn_stair_is_proposed_between_two_plans(tmp_path, is_u_shaped):
+def with_treads(layer, rows):
     drawing = two_plans()
-    for x in np.arange(1.0, 4.1, 0.28):
-        for y in (2.0, 3.1) if is_u_shaped else (2.0,):
-            drawing.line([(x, y), (x, y + 1.0)], "Treppe")
+    for x, y in itertools.product(np.arange(1.0, 4.1, 0.28), rows):
+        drawing.line([(x, y), (x, y + 1.0)], layer)
+    return drawing
+
+
+@pytest.mark.parametrize("is_u_shaped", [False, True])
+def test_a_drawn_stair_leads_to_the_plan_above(tmp_path, is_u_shaped):
+    drawing = with_treads("Treppe", (2.0, 3.1) if is_u_shaped else (2.0,))
     if not is_u_shaped:
         drawing.line([(4.1, 2.5), (0.9, 2.5)], "Treppe")  # an arrow to the left
         for y in (2.4, 2.6):
             drawing.line([(0.9, 2.5), (1.1, y)], "Treppe")
     drawing.document.saveas(tmp_path / "a.dxf")
     made = import_building([tmp_path / "a.dxf"], tmp_path / "case", people=8)
-    assert len([one for one in made.findings if one.kind == "warning" and "'stair 1'" in one.text]) == 1
+    assert (made.is_accepted, made.fault, [*made.building.stairs]) == (True, "", ["stair 1"])
+    assert [portal.width for portal in made.building.portals] == [pytest.approx(1.0)] * (4 if is_u_shaped else 2)
+    told = {one.kind for one in made.findings if "'stair 1' to 'floor 2'" in one.text}
+    assert told == {"assumed" if is_u_shaped else "found"}
+
+
+def test_what_may_be_no_stair_is_proposed(tmp_path):
+    with_treads("L17", (2.0,)).document.saveas(tmp_path / "a.dxf")
+    made = import_building([tmp_path / "a.dxf"], tmp_path / "case", people=8)
+    assert len([one for one in made.findings if one.kind == "warning" and "'drawn stair 1'" in one.text]) == 1
     assert (made.is_accepted, [way.name for way in made.building.exits]) == (False, ["floor 1 exit door 1"])
     file = made.folder / "building.plan.toml"
     text = file.read_text(encoding="utf-8")
     start = text.index("# [[stairs]]")
     file.write_text(text[:start] + re.sub("(?m)^# ?", "", text[start:]), encoding="utf-8")
     made = import_building([tmp_path / "a.dxf"], tmp_path / "case", people=8)
-    assert (made.is_accepted, made.fault, [*made.building.stairs]) == (True, "", ["stair 1"])
+    assert (made.is_accepted, made.fault, [*made.building.stairs]) == (True, "", ["drawn stair 1"])
     assert not [one for one in made.findings if "remove the marks" in one.text]
-    assert [portal.width for portal in made.building.portals] == [pytest.approx(1.0)] * (4 if is_u_shaped else 2)
+
+
+def test_a_stair_that_does_not_fit_is_missing(tmp_path):
+    with_treads("Treppe", (4.8,)).document.saveas(tmp_path / "a.dxf")
+    made = import_building([tmp_path / "a.dxf"], tmp_path / "case", people=8)
+    assert any("'drawn stair 1'" in one for one in made.missing)
+
+
+def test_a_plan_is_above_another_one_where_their_walls_are(tmp_path):
+    """The upper storey ends at the inner wall, and its door swings out to the left."""
+    drawing = Drawing("m")
+    drawing.rings(BODY, "WALL")
+    drawing.doors("DOOR")
+    door = shapely.box(0.0, 2.0, 0.3, 3.0)
+    upper = shapely.box(0, 0, 5.6, 4.6).difference(LEFT | door)
+    drawing.rings(shapely.transform(upper, lambda xy: xy + np.array([20.0, 0.0])), "WALL")
+    drawing.swing((20.0, 2.0), 1.0, 90.0, "DOOR", leaf=180.0)
+    drawing.document.saveas(tmp_path / "a.dxf")
+    made = import_building([tmp_path / "a.dxf"], tmp_path / "case", people=8, partial=True)
+    lower, upper = (shapely.union_all([one.polygon for one in made.building.levels if one.z_min == z]) for z in (0, 3))
+    assert lower.intersection(LEFT).area == pytest.approx(LEFT.area, rel=0.01)
+    assert upper.symmetric_difference(LEFT | door).area == pytest.approx(0.0, abs=0.2)
 
 
 def test_the_report_says_how_each_layer_is_taken_and_an_option_mends_it(tmp_path):

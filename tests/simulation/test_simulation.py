@@ -223,9 +223,11 @@ def test_warnings_are_those_of_the_start(tmp_path):
     assert any(line.startswith("1 pair ") for line in warnings)
     simulation.run()
     assert simulation.warnings() == warnings
-    narrow = Simulation(load_case("square_room", {"people.people.radius": 0.6, "people.people.number": 2})).warnings()
-    assert any("exit 'door'" in line and "a wall for 2 of 2 people" in line for line in narrow)
-    assert any("(4.56, 2.50)" in line for line in narrow)
+    simulation = Simulation(load_case("square_room", {"people.people.radius": 0.6, "people.people.number": 2}))
+    door, stopped = (one for one in simulation.findings if one.place is not None)
+    assert (door.item, door.storey, door.place) == ("exits.door", "room", (5.0, 2.5))
+    assert (stopped.item, stopped.place) == ("people.people", pytest.approx((4.56, 2.5), abs=0.005))
+    assert {str(door), str(stopped)} < set(simulation.warnings())
 
 
 def test_the_border_of_the_explicit_drive_is_that_of_the_people():

@@ -2,13 +2,21 @@
 
 import itertools
 import re
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray
 from evac.base.defaults import LONGEST_NAME
 from evac.base.errors import BuildingError, is_one_line
+from evac.building.geometry import place_of
+
+if TYPE_CHECKING:
+    from evac.building.model.building import Level
 
 Value = TypeVar("Value")
 
@@ -155,6 +163,22 @@ def refusal(source: Path, errors: Sequence[Finding]) -> BuildingError:
     refused = BuildingError("\n".join(lines))
     refused.findings = tuple(errors)
     return refused
+
+
+@contextmanager
+def noting(
+    errors: list[Finding], what: str, item: str, level: str | None = None, at: BaseGeometry | FloatArray | None = None
+) -> Iterator[None]:
+    """Collect a ValueError as an error about an item, at a shape or in the middle of a segment."""
+    try:
+        yield
+    except ValueError as error:
+        errors.append(Finding("error", f"{what}: {error}", level, None if at is None else place_of(at), item))
+
+
+def item_of(level: "Level") -> str:
+    """Return the key of the storey or the stair of a level in the plan of its building."""
+    return f"stairs.{level.stair}" if level.stair is not None else f"storeys.{PART.sub('', level.name)}"
 
 
 def away(distance: float) -> str:

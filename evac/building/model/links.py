@@ -9,9 +9,9 @@ import shapely
 from evac.base.change import BODIES, Change
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
-from evac.building.geometry import connected_components
+from evac.building.geometry import connected_components, place_of
 from evac.building.model.building import Area, Building, Door, Exit, Portal
-from evac.building.model.findings import Finding
+from evac.building.model.findings import Finding, item_of
 
 
 def links_named(building: Building, name: str) -> frozenset[int]:
@@ -192,6 +192,6 @@ def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Fi
             names = list(dict.fromkeys(building.levels[index].title for index in members))
             others = f" and its neighbours {', '.join(map(repr, names[1:]))}" if len(names) > 1 else ""
             text = f"no exit can be reached from {names[0]!r}{others}: people there cannot leave"
-            x, y = building.levels[members[0]].polygon.representative_point().coords[0]
-            notes.append(Finding("warning", text, building.levels[members[0]].name, (x, y)))
+            first = building.levels[members[0]]
+            notes.append(Finding("warning", text, first.name, place_of(first.polygon), item_of(first)))
     return tuple(notes)

@@ -10,9 +10,9 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray
 from evac.base.errors import counted
-from evac.building.geometry import connected_components, segment_lengths
+from evac.building.geometry import connected_components, place_of, segment_lengths
 from evac.building.model.building import Building, Level
-from evac.building.model.findings import Finding
+from evac.building.model.findings import Finding, item_of
 
 #: Minimum area of ground behind a gap that a body's centre can reach [m2]; smaller ground is a niche.
 LEAST_PART = 0.05
@@ -43,14 +43,15 @@ def narrow_places(building: Building, widths: ArrayLike) -> tuple[Finding, ...]:
         if portal.width < widest:
             one, other = (building.levels[index].name for index in portal.levels)
             what = f"portal {portal.name!r} between {one!r} and {other!r} is"
-            notes.append(_note(what, portal.width, one, _middle(portal.segments), bodies))
+            item = item_of(min((building.levels[index] for index in portal.levels), key=lambda level: not level.stair))
+            notes.append(_note(what, portal.width, one, place_of(portal.segments), bodies, item))
     for way in building.exits:
         if way.width < widest:
             what, on = f"exit {way.name!r} is", building.levels[way.level].name
-            notes.append(_note(what, way.width, on, _middle(way.segments), bodies))
+            notes.append(_note(what, way.width, on, place_of(way.segments), bodies, f"exits.{way.name}"))
     for level in building.levels:
         gaps = gaps_at(building, level, widest, float(bodies.min()))
-        notes += [_note("a gap that is", width, level.name, place, bodies) for width, place in gaps]
+        notes += [_note("a gap that is", width, level.name, place, bodies, item_of(level)) for width, place in gaps]
     return tuple(notes)
 
 
@@ -80,7 +81,7 @@ def gaps_at(
             told.append(row)
         has_room[beside] = has_room[beside].any()
         joined[np.isin(joined, beside)] = beside.min(initial=len(parts))
-    return [(float(across[row]), _middle(segments[row])) for row in told]
+    return [(float(across[row]), place_of(segments[row])) for row in told]
 
 
 def gaps_below(polygon: BaseGeometry, width: float = CLOSED) -> FloatArray:
@@ -199,13 +200,8 @@ def _pairs(polygon: BaseGeometry, width: float) -> _Pairs:
     return _Pairs(lines, np.concatenate(rings), shapely.length(lines), one[apart], other[apart], ends[apart])
 
 
-def _middle(segments: FloatArray) -> tuple[float, float]:
-    x, y = segments.reshape(-1, 2).mean(axis=0).tolist()
-    return x, y
-
-
-def _note(what: str, width: float, level: str, place: tuple[float, float], bodies: FloatArray) -> Finding:
+def _note(what: str, width: float, level: str, place: tuple[float, float], bodies: FloatArray, item: str) -> Finding:
     wider = np.count_nonzero(bodies > width)
     people = f"{wider} of {counted(len(bodies), 'person', 'people')} wider than it (up to {bodies.max():.2f} m)"
     text = f"{what} only {width:.2f} m wide, a wall for {people}: widen it if they should pass"
-    return Finding("warning", text, level, place)
+    return Finding("warning", text, level, place, item)

@@ -23,7 +23,7 @@ from evac.building.geometry import (
     segment_lengths,
     united,
 )
-from evac.building.model.findings import Finding
+from evac.building.model.findings import Finding, noting
 from evac.building.plan import stairs
 from evac.building.plan.outlines import (
     SNAP,
@@ -32,10 +32,8 @@ from evac.building.plan.outlines import (
     between_rooms,
     covered,
     distinct,
-    middle_of,
     nearest,
     normal,
-    noting,
     placed,
     strips,
     with_walls,
@@ -65,21 +63,6 @@ ON_ONE_LINE, NARROWEST = 1e-5, 0.5
 LEAST_REPORTED = 0.05
 #: Share of an area beside its floor above which it is a warning.
 MOST_BESIDE = 0.05
-
-
-def draw(plan: "Plan") -> SurfaceMesh:
-    """Return the tagged surface of a plan; see `evac.building.plan.plan.Plan.surface`."""
-    drawing = Drawing(plan)
-    mesh = drawing.mesh()
-    if mesh is None or drawing.errors:
-        from evac.building.plan.faults import refused
-
-        raise refused(plan, drawing, mesh)
-    if any(one.kind == "warning" and not one.remedy and one.item for one in drawing.findings):
-        from evac.building.plan.faults import with_remedies
-
-        mesh = replace(mesh, findings=with_remedies(plan, drawing, drawing.findings, drawing.plan.doors))
-    return mesh
 
 
 class Drawing:
@@ -151,8 +134,7 @@ class Drawing:
         self, kind: str, text: str, storey: str, at: BaseGeometry | FloatArray, item: str, remedy: str = ""
     ) -> None:
         """Add a finding about an item (by key) on a storey, at a geometry or at the middle of a segment."""
-        place = place_of(at) if isinstance(at, BaseGeometry) else tuple(np.reshape(at, (-1, 2)).mean(axis=0).tolist())
-        self.findings.append(Finding(kind, text, storey, place, item, remedy))
+        self.findings.append(Finding(kind, text, storey, place_of(at), item, remedy))
 
     def _make_floor(self, name: str) -> None:
         """Make the floor of a storey: join its polygons, or put walls between them."""
@@ -213,7 +195,7 @@ class Drawing:
         while (like := self._given[name].like) is not None:
             name = like
         text = f"storey {door.storey!r}: the rooms beside door {door.name!r} touch, and there is no wall between them"
-        self.errors.append(Finding("error", text, door.storey, middle_of(ends), f"storeys.{name}", "wall = 0.1"))
+        self.errors.append(Finding("error", text, door.storey, place_of(ends), f"storeys.{name}", "wall = 0.1"))
         return True
 
     def _near_doors(self, storey: str, rows: list[int]) -> dict[int, tuple[BaseGeometry, BaseGeometry, list[int]]]:

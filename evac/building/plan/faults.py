@@ -1,9 +1,9 @@
-"""All errors of a plan in one pass, with remedies that have been tried out."""
+"""The surface and the building of a plan, or all its errors in one pass, with remedies that have been tried out."""
 
-import copy
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from evac.base.toml import toml_lines
 from evac.building.geometry import between_floors, segment_lengths, sides
 from evac.building.model.building import Building
 from evac.building.model.findings import Finding, refusal
+from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.drawing import Drawing
 from evac.building.plan.plan import Item, Plan
 from evac.building.plan.plantable import table_of
@@ -24,41 +25,139 @@ from evac.building.surface.surfacemesh import SurfaceMesh
 
 #: Number of walls at which a door or an exit is tried, the nearest first.
 MOST_WALLS = 3
+#: Sections of a plan for whose items remedies are tried.
+MENDED = ("rooms", "stairs", "shafts", "doors", "exits", "openings", "areas", "obstacles")
 #: Least width of a door [m], and its least distance from the corner of a room.
 LEAST_WIDTH, JAMB = 0.5, 0.05
 
 
-def refused(plan: Plan, drawing: Drawing, mesh: SurfaceMesh | None) -> BuildingError:
-    """Return one error with all errors of a plan that has been drawn, and with the building of what is right in it."""
-    building, built = _built(drawing.plan, mesh)
-    # What is left out may cause errors of the building that are not about a single item.
-    faulty = {error.item for error in drawing.errors} | ({None} if drawing.errors else set())
-    errors = [*drawing.errors, *(error for error in built if error.item not in faulty)]
-    wrong = {error.item for error in errors}
-    doors = [door for door in drawing.plan.doors if key_of("doors", door) not in wrong]
-    errors = [replace(one, text=_with_cause(one, plan.findings)) for one in errors]
-    error = refusal(plan.source, with_remedies(plan, drawing, errors, doors))
-    error.building = building
-    return error
+def draw(plan: Plan) -> SurfaceMesh:
+    """Return the tagged surface of a plan; see `evac.building.plan.plan.Plan.surface`."""
+    return _Drawn(plan, plan.source, SurfaceOptions()).mesh
 
 
-def with_remedies(plan: Plan, drawing: Drawing, findings: Sequence[Finding], doors: list[Item]) -> list[Finding]:
-    """Return findings with remedies of the errors and warnings among them; `doors`: those that are right."""
-    doors = list(doors)
+def build(plan: Plan, source: Path, options: BuildingOptions, *, need_exit: bool = True) -> Building:
+    """Return the building of a plan; see `evac.building.plan.plan.Plan.building`. `source`: its name in messages."""
+    drawn = _Drawn(plan, source, options)
+    building, errors = _built(drawn.drawing.plan, drawn.mesh, source, options, need_exit=need_exit)
+    if building is None:
+        raise drawn.refused(errors)
+    return building
+
+
+class _Drawn:
+    """A plan that has been drawn without errors; else all are raised with the building of what is right in it."""
+
+    def __init__(self, plan: Plan, source: Path, options: SurfaceOptions) -> None:
+        self.plan, self.source, self.drawing = plan, source, Drawing(plan)
+        # A trial may not have the storeys of exits and others in the options.
+        self.options = BuildingOptions(**options.model_dump(include=set(SurfaceOptions.model_fields)))
+        mesh = self.drawing.mesh()
+        if mesh is None or self.drawing.errors:
+            building, built = _built(self.drawing.plan, mesh, source, self.options)
+            # What is left out may cause errors of the building that are not about a single item.
+            faulty = {error.item for error in self.drawing.errors} | {None}
+            raise self.refused([*self.drawing.errors, *(one for one in built if one.item not in faulty)], building)
+        if any(one.kind == "warning" and not one.remedy and one.item for one in self.drawing.findings):
+            mesh = replace(mesh, findings=self._with_remedies(self.drawing.findings, self.drawing.plan.doors))
+        self.mesh = mesh
+
+    def refused(self, errors: Sequence[Finding], building: Building | None = None) -> BuildingError:
+        """Return one error with all errors, their remedies, and the building of what is right in the plan."""
+        wrong = {error.item for error in errors}
+        doors = [door for door in self.drawing.plan.doors if key_of("doors", door) not in wrong]
+        for door in self.plan.mended:
+            self._is_right("doors", _row("doors", [door]), doors)
+        errors = [replace(one, text=_with_cause(one, self.plan.findings)) for one in errors]
+        error = refusal(self.source, self._with_remedies(errors, doors))
+        error.building = building
+        return error
+
+    def _with_remedies(self, findings: Sequence[Finding], doors: list[Item]) -> list[Finding]:
+        """Return findings with remedies of the errors and warnings among them; `doors`: those that are right."""
+        doors = list(doors)
+        return [
+            replace(one, remedy=self._remedy(one, doors)) if one.kind in ("error", "warning") else one
+            for one in findings
+        ]
+
+    def _remedy(self, error: Finding, doors: list[Item]) -> str:
+        """Return the first change of its item that removes an error or a warning; or ``remove it``, of an error.
+
+        `doors`: those that are right, to which the one that a remedy moves is added.
+        """
+        section, _, name = (error.item or "").partition(".")
+        given = [item for item in getattr(self.plan, section) if item.name == name] if section in MENDED else []
+        if error.remedy or not given:  # such as of a stair of flights and landings
+            return error.remedy
+        row = _row(section, given)
+        for change in _changes(self.plan, self.drawing, section, row, error.text):
+            if self._is_right(section, {**row, **change}, doors):
+                return "\n".join(toml_lines(change))
+        return "remove it" if error.kind == "error" else ""
+
+    def _is_right(self, section: str, row: Mapping[str, Any], doors: list[Item]) -> bool:
+        """Return whether an item can be added to the rest of the plan with some doors, to which it is added."""
+        rest, trial = self.plan, Plan(self.source, headroom=self.plan.headroom)
+        trial.storeys, trial.refused = rest.storeys, rest.refused
+        near = {row[key] for key in ("storey", "lower", "upper") if key in row}
+        if section != "shafts":
+            like = [one.like for name, one in rest.storeys.items() if name in near]
+            while like := [one for one in like if one is not None and one not in near]:
+                near.update(like)
+                like = [rest.storeys[one].like for one in like if one in rest.storeys]
+            trial.storeys = {name: one for name, one in rest.storeys.items() if name in near}
+        for kind in ("rooms", "obstacles"):
+            others = [item for item in getattr(rest, kind) if (kind, item.name) != (section, row["name"])]
+            setattr(trial, kind, [item for item in others if item.storey in trial.storeys])
+        try:
+            getattr(trial, section.removesuffix("s"))(**row)
+        except BuildingError:
+            return False
+        known = [door for door in doors if door.storey in trial.storeys] if section == "doors" else []
+        trial.doors = [*known, *trial.doors]
+        drawing = Drawing(trial)
+        mesh = drawing.mesh()
+        is_right = (
+            mesh is not None and not drawing.errors and not _built(drawing.plan, mesh, self.source, self.options)[1]
+        )
+        is_right &= all(one.kind != "warning" or one.item != f"{section}.{row['name']}" for one in drawing.findings)
+        if is_right and section == "doors":
+            doors += [door for door in drawing.plan.doors if door.name == row["name"]]
+        return is_right
+
+
+def _row(section: str, items: list[Any]) -> dict[str, Any]:
+    """Return an item of a plan, which may have several segments, as a plan file has it."""
+    alone = Plan()
+    setattr(alone, section, items)
+    row: dict[str, Any] = table_of(alone)[section][0]
+    return row
+
+
+def _built(
+    plan: Plan, mesh: SurfaceMesh | None, source: Path, options: BuildingOptions, *, need_exit: bool = False
+) -> tuple[Building | None, list[Finding]]:
+    """Return the building of a mesh, or the errors that refuse it, about the items of a plan."""
+    if mesh is None:
+        return None, []
+    try:
+        building = build_building(mesh, source, options, need_exit=need_exit)
+    except BuildingError as error:
+        found = error.findings or (Finding("error", str(error).removeprefix(f"{source}: ")),)
+        return None, _of_items(plan, found)
+    return replace(building, findings=tuple(_of_items(plan, building.findings))), []
+
+
+def _of_items(plan: Plan, findings: Iterable[Finding]) -> list[Finding]:
+    """Return findings about a building with the keys and the storeys of the items of its plan."""
+    stairs = {f"stairs.{stair.name}": stair for stair in plan.stairs}
     return [
-        replace(one, remedy=_remedy(plan, drawing, one, doors)) if one.kind in ("error", "warning") else one
+        replace(one, item=key_of("stairs", stairs[one.item]), level=one.level or stairs[one.item].lower)
+        if one.item in stairs
+        else one
         for one in findings
     ]
-
-
-def _built(plan: Plan, mesh: SurfaceMesh | None) -> tuple[Building | None, list[Finding]]:
-    """Return the building of a mesh, or the errors that refuse it, about the items of a plan."""
-    keys = {f"stairs.{stair.name}": key_of("stairs", stair) for stair in plan.stairs}
-    try:
-        return None if mesh is None else build_building(mesh, plan.source, need_exit=False), []
-    except BuildingError as error:
-        found = error.findings or (Finding("error", str(error).removeprefix(f"{plan.source}: ")),)
-        return None, [replace(one, item=keys.get(one.item or "", one.item)) for one in found]
 
 
 def _with_cause(error: Finding, findings: Iterable[Finding]) -> str:
@@ -67,55 +166,6 @@ def _with_cause(error: Finding, findings: Iterable[Finding]) -> str:
     if not told:
         return error.text
     return f"{'; '.join(told)}; correct its corners first, since this error may follow: {error.text}"
-
-
-def _remedy(plan: Plan, drawing: Drawing, error: Finding, doors: list[Item]) -> str:
-    """Return the first change of its item that removes an error or a warning; or ``remove it``, of an error.
-
-    `doors`: those that are right, to which the one that a remedy moves is added.
-    """
-    section, _, name = (error.item or "").partition(".")
-    if error.remedy or section in ("", "storeys", "flights", "landings"):
-        return error.remedy
-    rest, alone = Plan(plan.source, headroom=plan.headroom), Plan(plan.source)
-    rest.storeys, rest.refused, rest.obstacles = plan.storeys, plan.refused, plan.obstacles
-    rest.rooms = [room for room in plan.rooms if (section, room.name) != ("rooms", name)]
-    setattr(alone, section, [item for item in getattr(plan, section) if item.name == name])
-    if not getattr(alone, section):  # a stair of flights and landings
-        return error.remedy
-    row = table_of(alone)[section][0]
-    for change in _changes(plan, drawing, section, row, error.text):
-        if _is_right(rest, section, {**row, **change}, doors):
-            return "\n".join(toml_lines(change))
-    return "remove it" if error.kind == "error" else ""
-
-
-def _is_right(rest: Plan, section: str, row: Mapping[str, Any], doors: list[Item]) -> bool:
-    """Return whether an item can be added to the rest of a plan with some doors, to which it is added."""
-    trial = copy.copy(rest)
-    near = {row[key] for key in ("storey", "lower", "upper") if key in row}
-    if section != "shafts":
-        like = [one.like for name, one in rest.storeys.items() if name in near]
-        while like := [one for one in like if one is not None and one not in near]:
-            near.update(like)
-            like = [rest.storeys[one].like for one in like if one in rest.storeys]
-        trial.storeys = {name: one for name, one in rest.storeys.items() if name in near}
-    setattr(trial, section, list(getattr(rest, section)))
-    for kind in ("rooms", "obstacles"):
-        setattr(trial, kind, [item for item in getattr(trial, kind) if item.storey in trial.storeys])
-    try:
-        getattr(trial, section.removesuffix("s"))(**row)
-    except BuildingError:
-        return False
-    known = [door for door in doors if door.storey in trial.storeys] if section == "doors" else []
-    trial.doors = [*known, *trial.doors]
-    drawing = Drawing(trial)
-    mesh = drawing.mesh()
-    is_right = mesh is not None and not drawing.errors and not _built(drawing.plan, mesh)[1]
-    is_right &= all(one.kind != "warning" or one.item != f"{section}.{row['name']}" for one in drawing.findings)
-    if is_right and section == "doors":
-        doors += [door for door in drawing.plan.doors if door.name == row["name"]]
-    return is_right
 
 
 def _changes(plan: Plan, drawing: Drawing, section: str, row: Mapping[str, Any], text: str) -> Iterable[dict[str, Any]]:

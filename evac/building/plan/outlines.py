@@ -49,24 +49,6 @@ def naming_part(source: Path, part: str) -> Iterator[None]:
         raise BuildingError(f"{source}: {part}: {error}") from error
 
 
-@contextmanager
-def noting(
-    errors: list[Finding], what: str, item: str, storey: str | None = None, at: BaseGeometry | FloatArray | None = None
-) -> Iterator[None]:
-    """Collect a ValueError as an error about an item of a plan, at a shape or in the middle of a segment."""
-    try:
-        yield
-    except ValueError as error:
-        place = None if at is None else middle_of(at) if isinstance(at, np.ndarray) else place_of(at)
-        errors.append(Finding("error", f"{what}: {error}", storey, place, item))
-
-
-def middle_of(segment: FloatArray) -> tuple[float, float]:
-    """Return the middle of a segment (2, 2), or the mean of some corners."""
-    x, y = segment.mean(axis=0).tolist()
-    return x, y
-
-
 def geometries(given: Shape) -> Iterator[BaseGeometry]:
     """Yield the simple geometries that a shape is made of; collections, nested or not, are flattened.
 

@@ -169,6 +169,7 @@ class Plan:
         self.proposals: list[tuple[Finding, dict[str, Any]]] = []
         self.findings: list[Finding] = []
         self.refused: set[str] = set()  # storeys and rooms that a plan file does not define as it should
+        self.mended: list[Item] = []  # doors that it does not define so, as they are with their remedies
 
     def __repr__(self) -> str:
         parts = {
@@ -627,7 +628,7 @@ class Plan:
         BuildingError
             Items do not fit together; names them and the place.
         """
-        from evac.building.plan.drawing import draw
+        from evac.building.plan.faults import draw
 
         return draw(self)
 
@@ -650,10 +651,10 @@ class Plan:
             As `surface`, or the building cannot be used.
         """
         from evac.building.options import BuildingOptions
-        from evac.building.surface.build import build_building
+        from evac.building.plan.faults import build
 
         own = BuildingOptions.read(options, BuildingError, f"{self.source}: building.")
-        return build_building(self.surface(), self.source, own, need_exit=need_exit)
+        return build(self, self.source, own, need_exit=need_exit)
 
     def write(self, path: str | Path) -> None:
         """Write the plan to a plan file, or its surface to a Gmsh 2.2 file; equal plans give identical files.

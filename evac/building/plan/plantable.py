@@ -69,7 +69,7 @@ def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = 
     refused = refusal(source, errors)
     if not plan.files:  # these are read later, with all that is on their storeys
         try:
-            plan.surface()
+            refused.building = plan.building(need_exit=False)
         except BuildingError as error:
             refused = refusal(source, [*errors, *error.findings])
             refused.building = error.building
@@ -116,6 +116,7 @@ def _error(plan: Plan, section: str, index: int, item: Any, folder: Path, text: 
         vars(trial).update({name: copy.copy(value) for name, value in vars(plan).items()})
         with suppress(BuildingError):
             _add(trial, section, index, row, folder)
+            plan.mended += trial.doors[len(plan.doors) :]
             return Finding("error", text, storey, place, key, remedy)
     return Finding("error", text, storey, place, key, "remove it")
 

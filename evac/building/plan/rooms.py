@@ -14,8 +14,8 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.parameters import did_you_mean
 from evac.building.geometry import GRID, flat_parts, segment_lengths, sides
-from evac.building.model.findings import Finding
-from evac.building.plan.outlines import along, noting
+from evac.building.model.findings import Finding, noting
+from evac.building.plan.outlines import along
 from evac.building.plan.plan import Item, Plan, Room, Shaft, Stair, Storey, Tie
 
 Named = TypeVar("Named", Item, Room)

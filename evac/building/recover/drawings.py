@@ -2,19 +2,20 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
+from evac.base.errors import BuildingError
 from evac.building.geometry import connected_components
-from evac.building.recover.linework import PARALLEL, THICKEST_WALL, ahead
+from evac.building.plan.plan import Plan
+from evac.building.recover.linework import PARALLEL, ahead, sides_of_walls
 
 #: Spacing of treads, their length, and how far their middles are beside each other at most [m].
 GOING, WIDTH, BESIDE = (0.2, 0.42), (0.7, 4.0), 0.15
@@ -26,7 +27,7 @@ HEAD, TIP = 0.6, 0.05
 BETWEEN = 0.6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DrawnFlight:
     """A flight: its first and its last line (2, 2) [m], their number, and whether an arrow says which is which."""
 
@@ -41,6 +42,11 @@ class DrawnFlight:
         way: FloatArray = (self.head - self.foot).mean(axis=0)
         return way
 
+    @property
+    def ground(self) -> BaseGeometry:
+        """What it covers."""
+        return shapely.MultiPoint([*self.foot, *self.head]).convex_hull
+
     def turned(self) -> "DrawnFlight":
         """Return the flight that ascends the other way."""
         return replace(self, foot=self.head, head=self.foot)
@@ -52,7 +58,8 @@ def flights_of(lines: Sequence[BaseGeometry]) -> list[DrawnFlight]:
     `lines` [m].
     """
     ends = shapely.get_coordinates([*lines]).reshape(-1, 4)
-    ends = np.unique(np.round(np.sort(ends.view("f8,f8"), axis=1).view(np.float64), 2), axis=0)
+    ends = np.sort(ends.view("f8,f8"), axis=1).view(np.float64)
+    ends = ends[np.unique(np.round(ends, 2), axis=0, return_index=True)[1]]
     step = ends[:, 2:] - ends[:, :2]
     length = np.hypot(*step.T)
     is_tread = (length > WIDTH[0]) & (length < WIDTH[1])
@@ -68,7 +75,8 @@ def flights_of(lines: Sequence[BaseGeometry]) -> list[DrawnFlight]:
     found = []
     for index in np.flatnonzero(np.bincount(group, minlength=1) >= LEAST_LINES).tolist():
         own = np.flatnonzero(group == index)
-        along = way[own[0]] * np.sign(way[own] @ way[own[0]])[:, None].mean()
+        along = (way[own] * np.sign(way[own] @ way[own[0]])[:, None]).sum(axis=0)
+        along /= np.hypot(*along)
         across = np.array([-along[1], along[0]])
         place = np.sort(middle[own] @ across)
         place = place[np.append(True, np.diff(place) > GOING[0] / 2)]
@@ -77,7 +85,7 @@ def flights_of(lines: Sequence[BaseGeometry]) -> list[DrawnFlight]:
             continue
         half, at = float(np.median(wide[own])) / 2, float(np.median(middle[own] @ along))
         foot, head = (
-            np.round(np.stack([(at + side * half) * along + far * across for side in (-1, 1)]), 3)
+            np.round(np.stack([(at + side * half) * along + far * across for side in (-1, 1)]), 6)
             for far in place[[0, -1]].tolist()
         )
         arrow = _arrow(foot, head, ends)
@@ -85,42 +93,93 @@ def flights_of(lines: Sequence[BaseGeometry]) -> list[DrawnFlight]:
     return found
 
 
-def stairs_of(flights: Sequence[DrawnFlight], walls: Sequence[BaseGeometry]) -> list[dict[str, Any]]:
-    """Return drawn stairs as arguments of `evac.building.plan.plan.Plan.stair`: two flights side by side are one.
+@dataclass(frozen=True)
+class DrawnStair:
+    """A stair: its lowest and its highest line (2, 2) [m], and what makes it U-shaped."""
+
+    foot: FloatArray
+    head: FloatArray
+    turn: dict[str, Any]  # arguments of `evac.building.plan.plan.Plan.stair` besides its edges
+    is_directed: bool  # whether an arrow says that it ascends so
+    ground: BaseGeometry
+
+    @property
+    def width(self) -> float:
+        """The length of its lowest line [m]."""
+        return float(np.hypot(*(self.foot[1] - self.foot[0])))
+
+    def is_among(self, others: "Sequence[DrawnStair]") -> bool:
+        """Return whether one of others is at the same place."""
+        return any(self.ground.intersection(other.ground).area > 0.5 * self.ground.area for other in others)
+
+
+def stairs_of(flights: Sequence[DrawnFlight], walls: Sequence[BaseGeometry]) -> list[DrawnStair]:
+    """Return the stairs of flights: two that are side by side are one.
 
     `walls` [m]: its half landing is at the end of two flights that is nearer to a wall, unless an arrow says where.
     """
-    left, found = [*flights], list[dict[str, Any]]()
+    left, found = [*flights], list[DrawnStair]()
     tree = shapely.STRtree([*walls])
     while left:
-        one = left.pop(0)
-        beside = next((other for other in left if _are_beside(one, other)), None)
-        if beside is None:
-            found.append({"lower_edge": one.foot, "upper_edge": one.head})
+        first = left.pop(0)
+        second = next((other for other in left if _are_beside(first, other)), None)
+        if second is None:
+            found.append(DrawnStair(first.foot, first.head, {}, first.is_directed, first.ground))
             continue
-        left.remove(beside)
-        first, second = (beside, one) if one.is_directed and not beside.is_directed else (one, beside)
+        left.remove(second)
+        if second.is_directed and not first.is_directed:
+            first, second = second, first
         if first.way @ second.way > 0.0:
             first, second = (first, second.turned()) if not second.is_directed else (first.turned(), second)
         far = [_room_ahead(first, second, tree), _room_ahead(first.turned(), second.turned(), tree)]
-        if not (first.is_directed or second.is_directed) and far[1] < far[0]:
+        is_directed = first.is_directed or second.is_directed
+        if not is_directed and far[1] < far[0]:
             first, second = first.turned(), second.turned()
             far.reverse()
-        way = first.way
-        stair = {"lower_edge": first.foot, "upper_edge": second.head, "length": round(float(np.hypot(*way)), 3)}
-        stair["direction"] = np.round(way / np.hypot(*way), 4)
-        found.append(stair | ({"landing": round(far[0], 2)} if far[0] < WIDTH[1] else {}))
+        run = float(np.hypot(*first.way))
+        way = first.way / run
+        across = np.array([-way[1], way[0]])
+        head = (second.head @ way).mean() * way + (second.head @ across)[:, None] * across
+        turn = {"length": round(run, 6), "direction": np.round(way, 9)}
+        turn |= {"landing": round(far[0], 2)} if far[0] < WIDTH[1] else {}
+        found.append(DrawnStair(first.foot, np.round(head, 6), turn, is_directed, first.ground | second.ground))
     return found
+
+
+def add_fitting(plan: Plan, stairs: Mapping[str, Callable[[], None]]) -> dict[str, str]:
+    """Add stairs to a plan that has none; return why some do not fit, which are left out, by name.
+
+    `stairs`: functions that add them, by name.
+    """
+    if not stairs or not _fault(plan, [*stairs.values()]):
+        return {}
+    plan.stairs, plan.pieces, faults = [], [], {}
+    for name, add in stairs.items():
+        kept = [*plan.stairs], [*plan.pieces]
+        if fault := _fault(plan, [add]):
+            plan.stairs, plan.pieces = kept
+            faults[name] = fault
+    return faults
+
+
+def _fault(plan: Plan, more: Sequence[Callable[[], None]]) -> str:
+    """Return why the building cannot be made after more is added to its plan; empty if it can."""
+    try:
+        for add in more:
+            add()
+        plan.building(need_exit=False)
+    except BuildingError as error:
+        return str(error)
+    return ""
 
 
 def _are_beside(one: DrawnFlight, other: DrawnFlight) -> bool:
     """Return whether two flights are those of a U-shaped stair."""
-    hulls = [shapely.convex_hull(shapely.MultiPoint([*flight.foot, *flight.head])) for flight in (one, other)]
     length = [float(np.hypot(*flight.way)) for flight in (one, other)]
     off = (other.foot + other.head - one.foot - one.head).mean(axis=0) / 2
     is_along = abs(float(one.way @ other.way)) > 0.99 * length[0] * length[1]
     is_level = abs(float(off @ one.way)) < 0.5 * length[0] * min(length)
-    return is_along and is_level and hulls[0].distance(hulls[1]) < BETWEEN and min(length) > 0.5 * max(length)
+    return is_along and is_level and one.ground.distance(other.ground) < BETWEEN and min(length) > 0.5 * max(length)
 
 
 def _room_ahead(first: DrawnFlight, second: DrawnFlight, walls: shapely.STRtree) -> float:
@@ -179,8 +238,6 @@ OTHERS = (
 )
 #: Usual radii of doors, from which units are known, the largest one [m], and the angle that they swing [rad].
 RADII, LARGEST, SWING = (0.55, 1.3), 1.7, np.radians((20.0, 110.0))
-#: Spacings of the two sides of a wall [m], and least length of a side.
-SPACING, LEAST_SIDE = (0.04, THICKEST_WALL), 0.3
 #: Share of the lines of a layer with another side beside them from which it has walls.
 PAIRED = 0.4
 #: Greatest distance between a door and its wall [m]; that between the strikes of the two leaves of a door.
@@ -211,31 +268,14 @@ def use_of(name: str) -> str:
     return max(length, key=lambda use: length[use])
 
 
-def paired(lines: Sequence[BaseGeometry]) -> NDArray[np.bool_]:
-    """Return which of some lines of two points have another one beside them as the two sides of a wall.
-
-    `lines` [m].
-    """
-    ends = shapely.get_coordinates([*lines]).reshape(-1, 4)
-    step, middle = ends[:, 2:] - ends[:, :2], (ends[:, :2] + ends[:, 2:]) / 2
-    length = np.hypot(*step.T)
-    way = step / np.maximum(length, 1e-12)[:, None]
-    tree = shapely.STRtree([*lines])
-    one, other = tree.query(shapely.points(middle), predicate="dwithin", distance=SPACING[1])
-    off = ends[other, :2] - middle[one]
-    apart = np.abs(way[one, 0] * off[:, 1] - way[one, 1] * off[:, 0])
-    alike = np.abs((way[one] * way[other]).sum(axis=1)) > 0.999
-    fits = alike & (apart > SPACING[0]) & (length[other] > 0.3 * length[one]) & (length[one] > LEAST_SIDE)
-    return np.isin(np.arange(len(ends)), one[fits])
-
-
 def walls_by_spacing(layers: Mapping[str, Sequence[BaseGeometry]]) -> dict[str, str]:
     """Return the layers that have walls, and why: those of which most lines are the two sides of walls.
 
     `layers` [m].
     """
     total = {name: sum(line.length for line in lines) for name, lines in layers.items()}
-    double = {name: float(shapely.length([*lines])[paired(lines)].sum()) for name, lines in layers.items()}
+    paired = {name: np.unique(sides_of_walls(lines)[:, 0]) for name, lines in layers.items()}
+    double = {name: float(shapely.length([*lines])[paired[name]].sum()) for name, lines in layers.items()}
     least = 0.2 * max(double.values(), default=0.0)
     found = [name for name in layers if double[name] > max(PAIRED * total[name], least, 1e-9)]
     if found:

@@ -26,6 +26,8 @@ THICKEST_WALL = 0.6
 THICKEST_JAMB = 0.9
 #: Thickest outer wall with a door to the outside [m].
 THICKEST_HULL = 1.0
+#: Spacings of the two sides of a wall [m], and least length of a side.
+SPACING, LEAST_SIDE = (0.04, THICKEST_WALL), 0.3
 #: Minimum area of a room [m2]; smaller faces are columns, ducts or the swing of doors.
 LEAST_ROOM = 1.5
 #: Area from which what is narrow and open to a room is the interior of walls [m2].
@@ -134,12 +136,7 @@ def rooms_of(
     strips = [_hull(pair) for _, pair in found if len(pair) == 2 and _with_floor(_as_lines(pair), rooms).any()]
     floor = shapely.union_all([rooms, *strips], grid_size=GRID)
     outside = [one for one in drawn.loose if not floor.intersects(one.interpolate(0.5, normalized=True))]
-    has_floor = _with_floor(drawn.pieces, floor)
-    shared = shapely.union_all(drawn.pieces[has_floor.all(axis=1)])
-    if not shared.is_empty and wall > 0.0:
-        thick = shapely.line_merge(shared).buffer(wall / 2, cap_style="flat", join_style="mitre")
-        floor = shapely.difference(floor, thick, grid_size=GRID)
-    floor = flat_parts(floor)
+    floor = _without_walls(floor, drawn.pieces, wall)
     sides = door_sides(known, floor)
     inside = [middle for middle, pair in found if _with_floor(_as_lines(pair), floor).all()]
     outer = np.concatenate([ways[: len(ways) - len(known)], mouths[segment_lengths(mouths) > THICKEST_WALL]])
@@ -150,6 +147,45 @@ def rooms_of(
     outer = np.concatenate([outer[leads_out(outer, floor)], known[is_outer & ~is_open]])
     between = np.array(inside).reshape(-1, 4)
     return Rooms(floor, drawn.closed, between, known[sides == 2], outer, known[is_open], outside, small)
+
+
+def sides_of_walls(lines: Sequence[BaseGeometry] | Lines) -> IndexArray:
+    """Return those pairs (p, 2) of some lines of two points that are beside each other as the two sides of a wall."""
+    ends = shapely.get_coordinates([*lines]).reshape(-1, 4)
+    step, middle = ends[:, 2:] - ends[:, :2], (ends[:, :2] + ends[:, 2:]) / 2
+    length = np.hypot(*step.T)
+    way = step / np.maximum(length, 1e-12)[:, None]
+    one, other = shapely.STRtree([*lines]).query(shapely.points(middle), predicate="dwithin", distance=SPACING[1])
+    off = ends[other, :2] - middle[one]
+    apart = np.abs(way[one, 0] * off[:, 1] - way[one, 1] * off[:, 0])
+    alike = np.abs((way[one] * way[other]).sum(axis=1)) > 0.999
+    fits = alike & (apart > SPACING[0]) & (length[other] > 0.3 * length[one]) & (length[one] > LEAST_SIDE)
+    found: IndexArray = np.column_stack([one, other])[fits]
+    return found
+
+
+def _without_walls(floor: BaseGeometry, pieces: Lines, wall: float) -> BaseGeometry:
+    """Return a floor without the walls in it: between both sides of one, or of a given thickness [m] if it has one."""
+    inside = np.flatnonzero(_with_floor(pieces, floor).all(axis=1))
+    if not len(inside):
+        return flat_parts(floor)
+    pairs = sides_of_walls(pieces)
+    pairs = pairs[np.isin(pairs[:, 0], inside)]
+    single = shapely.line_merge(shapely.union_all(pieces[np.setdiff1d(inside, pairs)]))
+    thick = [single.buffer(wall / 2, cap_style="flat", join_style="mitre"), *_interiors(pieces[pairs])]
+    ground = shapely.get_parts(shapely.difference(floor, shapely.union_all(thick), grid_size=GRID))
+    return flat_parts(shapely.union_all(ground[shapely.area(ground) >= LEAST_CABIN]))
+
+
+def _interiors(pairs: Lines) -> list[BaseGeometry]:
+    """Return the ground between the two sides of walls (p, 2), as far as they are beside each other."""
+    found = []
+    for one, other in pairs:
+        along = np.sort(shapely.line_locate_point(one, shapely.points(other.coords)))
+        near = shapely.line_interpolate_point(one, along)
+        across = shapely.line_interpolate_point(other, shapely.line_locate_point(other, near))
+        found.append(shapely.MultiPoint([*near, *across]).convex_hull)
+    return [ground for ground in found if ground.geom_type == "Polygon"]
 
 
 def _wide(pieces: Lines) -> list[BaseGeometry]:

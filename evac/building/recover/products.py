@@ -1,10 +1,12 @@
 """Entities and shapes of the products of an IFC file, read by a library in a process of its own, within time limits.
 
 The only module that knows the libraries. A product whose shape takes too long or ends the process costs itself alone.
+Limits are those of computing time, which other programs that run on the machine do not take.
 """
 
 import os
 import re
+import signal
 import tempfile
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -26,6 +28,8 @@ LIBRARIES = {"ifclite_geom": "ifc", "ifcopenshell": "ifcopenshell"}
 BATCH = 64
 #: Time for the start of a process, which has the file to read [s].
 START = 60.0
+#: Most times its computing time that a call may last; Windows measures no computing time of a process.
+PATIENCE = 30.0 if hasattr(signal, "setitimer") else 1.0
 #: Lines of entities other than units, whose dimensions are derived.
 DERIVED = re.compile(r"(?m)^#(?!.*IFCSIUNIT).*$")
 
@@ -47,10 +51,9 @@ class Products:
 def read_products(content: bytes, classes: Collection[str], library: str, each: float, total: float) -> Products:
     """Read a file.
 
-    `classes`: classes whose shapes are read; `library`: one of `LIBRARIES`; `each`, `total`: time limits for one
-    product and for all of them [s].
+    `classes`: classes whose shapes are read; `library`: one of `LIBRARIES`; `each`, `total`: limits of the computing
+    time for one product and for all of them [s].
     """
-    end = time.monotonic() + total
     reader = _Reader(content, library)
     try:
         said: list[str] = []
@@ -62,7 +65,7 @@ def read_products(content: bytes, classes: Collection[str], library: str, each: 
         todo = [wanted] if wanted else []
         while todo:
             group = todo.pop(0)
-            limit = min(each, end - time.monotonic())
+            limit = min(each, total - reader.used)
             made = reader.ask(_shapes, (library, group), limit, said) if limit > 0.0 else "no time was left"
             if not isinstance(made, str):
                 found.shapes |= made
@@ -82,6 +85,7 @@ class _Reader:
     def __init__(self, content: bytes, library: str) -> None:
         self._arguments = content, library
         self._pool: Pool | None = None
+        self.used = 0.0  # computing time [s]
 
     def ask(self, function: Callable[..., Any], arguments: tuple[Any, ...], limit: float, said: list[str]) -> Any:
         """Return the result of a call, or why there is none; add what the library writes to `said`."""
@@ -91,13 +95,13 @@ class _Reader:
 
                 self._pool = Pool(1, _load, self._arguments, is_quiet=True)
                 self._pool.submit(_ready).result(timeout=START)  # is not counted
-            result, lines = self._pool.submit(_answer, function, arguments).result(timeout=limit)
-        except TimeoutError:
+            answer = self._pool.submit(_answer, function, arguments, limit)
+            result, lines, used = answer.result(timeout=PATIENCE * limit)
+        except (TimeoutError, BrokenExecutor):
             self.close()
-            return f"it takes more than {limit:.0f} s"
-        except BrokenExecutor:
-            self.close()
-            return "it ends the library"
+            self.used += limit
+            return f"it takes more than {limit:.0f} s of computing, or ends the library"
+        self.used += used
         said += [line for line in lines if line not in said]
         return result
 
@@ -127,8 +131,14 @@ def _ready() -> None:
     """Answer as soon as the process has the content."""
 
 
-def _answer(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[Any, list[str]]:
-    """Return the result of a function, or the text of its error, and the lines that compiled code writes."""
+def _answer(function: Callable[..., Any], arguments: tuple[Any, ...], limit: float) -> tuple[Any, list[str], float]:
+    """Return the result of a function, or the text of its error, the lines of compiled code, and the time used [s].
+
+    The process ends if it computes for longer than `limit` [s].
+    """
+    before, has_timer = time.process_time(), hasattr(signal, "setitimer")
+    if has_timer:
+        signal.setitimer(signal.ITIMER_PROF, limit)
     kept = os.dup(2)
     with tempfile.TemporaryFile() as file:
         os.dup2(file.fileno(), 2)
@@ -140,7 +150,9 @@ def _answer(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[A
         os.close(kept)
         file.seek(0)
         lines = file.read().decode("utf-8", "replace").splitlines()
-    return result, [line.strip() for line in lines if line.strip()]
+    if has_timer:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+    return result, [line.strip() for line in lines if line.strip()], time.process_time() - before
 
 
 def _entities(library: str) -> dict[int, dict[str, Any]]:

@@ -1,8 +1,8 @@
 """Conversion of a surface mesh to a `Building`."""
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,12 +12,13 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.defaults import LEAST_LENGTH
 from evac.base.errors import BuildingError
-from evac.building.geometry import flat_parts, union
+from evac.base.keys import Point
+from evac.building.geometry import flat_parts, place_of, union
 from evac.building.model.building import Area, Building, Level
 from evac.building.model.elevation import level_elevation
-from evac.building.model.findings import Finding, numbered, refusal
+from evac.building.model.findings import Finding, noting, numbered, refusal
 from evac.building.model.links import close_links, isolated_parts
-from evac.building.options import BuildingOptions, SurfaceOptions
+from evac.building.options import BuildingOptions, ExitLine, Outline, SurfaceOptions
 from evac.building.surface.checks import check_depth, check_exits, check_overlap, check_stairs, missed_seams
 from evac.building.surface.foreign import turned
 from evac.building.surface.levels import (
@@ -64,9 +65,9 @@ def building_of(
     except BuildingError as error:
         if not surface.doubts:
             raise
-        doubted = BuildingError("; ".join([str(error), *(doubt.text for doubt in surface.doubts)]))
-        doubted.findings = error.findings
-        raise doubted from error
+        found = error.findings or (Finding("error", str(error).removeprefix(f"{source}: ")),)
+        text = "; ".join([found[-1].text, *(doubt.text for doubt in surface.doubts)])
+        raise refusal(source, [*found[:-1], replace(found[-1], text=text)]) from error
 
 
 def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_exit: bool) -> Building:
@@ -95,28 +96,29 @@ def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_
         raise refusal(source, errors)
     building = replace(building, findings=(*building.findings, *missed_seams(building)))
     for item in options.exits:
-        with _given("exits", item.name):
+        with _given(errors, "exit", item, item.segment):
             building = add_exit(building, item)
-    if need_exit:
-        check_exits(building)
-    if errors := [*check_stairs(building)]:
-        raise refusal(source, errors)
+    errors += [*(check_exits(building) if need_exit and not errors else ()), *check_stairs(building)]
     for area in options.areas:
-        with _given("areas", area.name):
+        with _given(errors, "area", area, area.polygon):
             building = add_area(building, area)
-    added = [obstacle_place(building, item) for item in options.obstacles]
-    building = add_obstacles(building, [*_standing_obstacles(building, surface), *added])
+    obstacles = _standing_obstacles(building, surface)
+    for one in options.obstacles:
+        with _given(errors, "obstacle", one, one.polygon):
+            obstacles.append((f"building.obstacles.{one.name}", *obstacle_place(building, one)))
+    building = add_obstacles(building, obstacles, errors)
+    if errors:
+        raise refusal(source, errors)
     building = replace(building, findings=(*building.findings, *(isolated_parts(building) if building.exits else ())))
     return close_links(building, options.closed) if options.closed else building
 
 
-@contextmanager
-def _given(key: str, name: str) -> Iterator[None]:
-    """Add the key of a place in the case to errors, which name the mesh only."""
-    try:
-        yield
-    except BuildingError as error:
-        raise BuildingError(f"{error} (given as building.{key}.{name})") from error
+def _given(
+    errors: list[Finding], kind: str, item: ExitLine | Outline, corners: Sequence[Point]
+) -> AbstractContextManager[None]:
+    """Collect what is wrong with an item of the case."""
+    key = f"building.{kind}s.{item.name}"
+    return noting(errors, f"{kind} {item.name!r} (given as {key})", key, item.level, np.array(corners))
 
 
 def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[tuple[Area, ...], list[Finding]]:
@@ -143,8 +145,8 @@ def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[
             areas.append(Area(own, level, polygon.normalize(), use, share))
         if len(parts) > 1:
             text = f"area {name!r} lies on {len(parts)} levels and has been divided into as many areas"
-            place = parts[0][0].representative_point().coords[0]
-            notes.append(Finding("assumed", text, level_set.levels[parts[0][1]].name, place))
+            on = level_set.levels[parts[0][1]].name
+            notes.append(Finding("assumed", text, on, place_of(parts[0][0]), f"areas.{name}"))
     return tuple(areas), notes
 
 
@@ -161,5 +163,5 @@ def _standing_obstacles(building: Building, surface: Surface) -> list[tuple[str,
                 continue
             height = level_elevation(building.vertices, level, shapely.get_coordinates(on.centroid))[0]
             if -HEIGHT_REACH <= z - height <= OBSTACLE_HEIGHT:
-                obstacles.append((tag.removeprefix("obstacle:"), level, on))
+                obstacles.append((tag.replace(":", "s.", 1), level, on))
     return obstacles

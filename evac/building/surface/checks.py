@@ -9,11 +9,10 @@ import shapely
 
 from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
-from evac.base.errors import BuildingError
-from evac.building.geometry import segment_lengths, side_of
+from evac.building.geometry import place_of, segment_lengths, side_of
 from evac.building.model.building import Building, Level
 from evac.building.model.elevation import elevation, level_elevation
-from evac.building.model.findings import PART, Finding
+from evac.building.model.findings import Finding, item_of
 
 #: Minimum depth of a level between two portals that face each other [m].
 LEAST_DEPTH = 1.0
@@ -31,11 +30,6 @@ THINNEST = 0.01
 NEAR_MISS = 0.03
 #: Rounding tolerance of lengths [m] and areas [m2].
 ROUNDING = 1e-6
-
-
-def item_of(level: Level) -> str:
-    """Return the key of the storey or the stair of a level in the plan of its building."""
-    return f"stairs.{level.stair}" if level.stair is not None else f"storeys.{PART.sub('', level.name)}"
 
 
 def check_overlap(building: Building) -> Iterator[Finding]:
@@ -116,7 +110,8 @@ def missed_seams(building: Building) -> tuple[Finding, ...]:
         f"{1e3 * gap:.1f} mm here and by less than {THINNEST:g} m along {len(np.unique(one[rows]))} walls; if they "
         f"should meet, building.weld = {weld_for(float(miss[miss < THINNEST].max(initial=gap))):g} joins them"
     )
-    return (Finding("warning", text, names[0], (float(x), float(y))),)
+    item = item_of(building.levels[min(level[one[first]], level[other[first]])])
+    return (Finding("warning", text, names[0], (float(x), float(y)), item),)
 
 
 def weld_for(miss: float) -> float:
@@ -159,7 +154,7 @@ def check_stairs(building: Building) -> Iterator[Finding]:
                 ends.add(f"level {building.levels[other if one in members else one].name!r}")
         if len(ends) < 2:
             own = [building.levels[index] for index in members]
-            x, y = own[0].polygon.representative_point().coords[0]
+            x, y = place_of(own[0].polygon)
             joined = f"only {ends.pop()}" if ends else "nothing"
             text = (
                 f"stair {name!r} at ({x:z.2f}, {y:z.2f}), z = {min(lv.z_min for lv in own):.2f} to "
@@ -188,22 +183,21 @@ def _nearest_end(building: Building, own: list[Level]) -> str:
     return f"; {nearest!r} is {away:.3f} m away in plan and {step:.3f} m in height{helps}"
 
 
-def check_exits(building: Building) -> None:
-    """Refuse a building without an exit."""
+def check_exits(building: Building) -> Iterator[Finding]:
+    """Yield an error for a building without an exit, at its longest wall."""
     if building.exits:
         return
-    own = building.walls[building.wall_level == building.wall_level.min()] if len(building.walls) else building.walls
-    example = ""
+    level, place, example = building.levels[building.wall_level.min(initial=0)], None, ""
+    own = building.walls[building.wall_level == level.index]
     if len(own):
-        x1, y1, x2, y2 = own[np.argmax(segment_lengths(own).round(6))].tolist()
-        level = building.levels[building.wall_level.min()]
+        longest = own[np.argmax(segment_lengths(own).round(6))]
+        place, (x1, y1, x2, y2) = place_of(longest), longest.tolist()
         example = (
             f'; in case.toml, for example: [[building.exits]] name = "exit", segment = [[{x1:z.2f}, {y1:z.2f}], '
             f'[{x2:z.2f}, {y2:z.2f}]], level = "{level.name}"'
         )
-    raise BuildingError(
-        f"{building.source}: the building has no exit: tag free edges of the mesh 'exit:NAME' or give segments{example}"
-    )
+    text = f"the building has no exit: tag free edges of the mesh 'exit:NAME' or give segments{example}"
+    yield Finding("error", text, level.name, place)
 
 
 def _face(a: FloatArray, b: FloatArray) -> bool:

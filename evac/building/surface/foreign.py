@@ -89,8 +89,11 @@ def walked_surface(
         notes = notes + more
     if not notes:
         return mesh, points
+    # Overlays leave sides as short as the grid, which no triangulation has room for.
+    plans = [flat_parts(shapely.set_precision(patch.plan, weld / 10.0)) for patch in after]
+    pairs = [(patch, plan) for patch, plan in zip(after, plans, strict=True) if not plan.is_empty]
     try:
-        drawn = SurfaceMesh.of_polygons([(tuple(patch.tags) or "", patch.plan, patch.height_at) for patch in after])
+        drawn = SurfaceMesh.of_polygons([(tuple(patch.tags) or "", plan, patch.height_at) for patch, plan in pairs])
     except ValueError as error:
         raise BuildingError(f"{mesh.source}: {error}; repair the mesh there, or set building.headroom = 0") from error
     made = np.reshape(drawn.cells, (-1, 3)) + len(points)

@@ -14,7 +14,7 @@ from evac.base.errors import BuildingError
 from evac.building.geometry import connected_components, segment_lengths, union
 from evac.building.model.building import Door, Exit, Level, Portal
 from evac.building.model.elevation import level_elevation
-from evac.building.model.findings import Finding, away, numbered
+from evac.building.model.findings import Finding, away, item_of, numbered
 from evac.building.surface.surface import Surface
 
 #: Corners at most this far from the straight line between their neighbours are removed [m].
@@ -347,13 +347,13 @@ def _not_plane(surface: Surface, label: IndexArray, levels: list[Level]) -> tupl
                 text = (
                     f"the flight winds: its mean slope of {np.degrees(level.slope):.0f} degrees is used for all of it"
                 )
-                notes.append(Finding("assumed", text, level.name, (x, y)))
+                notes.append(Finding("assumed", text, level.name, (x, y), item_of(level)))
             elif worst > 0.1:
                 text = (
                     f"the flight is not plane: its cells differ by up to {100 * worst:.0f} % in slope and "
                     f"{turn:.0f} degrees in direction from its mean, which is used for all of it"
                 )
-                notes.append(Finding("warning", text, level.name, (x, y)))
+                notes.append(Finding("warning", text, level.name, (x, y), item_of(level)))
     return tuple(notes)
 
 

@@ -9,12 +9,20 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
-from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
-from evac.building.geometry import between_floors, flat_parts, gaps_along, pieces_along, segment_lengths, sides, union
+from evac.building.geometry import (
+    between_floors,
+    flat_parts,
+    gaps_along,
+    pieces_along,
+    place_of,
+    segment_lengths,
+    sides,
+    union,
+)
 from evac.building.model.building import Area, Building, Exit, Level
 from evac.building.model.elevation import level_elevation
-from evac.building.model.findings import Finding
+from evac.building.model.findings import Finding, item_of, noting
 from evac.building.options import ExitLine, Outline, Placed
 from evac.building.surface.levels import COLLINEAR, nearest_wall, sorted_walls
 
@@ -28,11 +36,10 @@ CUT_OFF = 0.01
 
 def add_exit(building: Building, item: ExitLine) -> Building:
     """Add an exit along a segment, which is snapped to the free edges of a level."""
-    name, what = item.name, f"exit {item.name!r}"
-    if any(other.name == name for other in building.exits):
-        raise BuildingError(f"{building.source}: there are two exits named {name!r}; rename one")
+    if any(other.name == item.name for other in building.exits):
+        raise ValueError("another exit has the same name; rename one")
     ends = np.array(item.segment)
-    level = find_level(building, item, what, shapely.LineString(ends))
+    level = find_level(building, item, shapely.LineString(ends))
     own = building.walls[building.wall_level == level.index]
     segments, rows = pieces_along(own, ends, EXIT_REACH)
     rest = np.concatenate(
@@ -42,66 +49,65 @@ def add_exit(building: Building, item: ExitLine) -> Building:
     if gaps.max() > EXIT_REACH:
         near = nearest_wall(own, np.full(len(own), level.index), building.levels, ends)
         (x1, y1), (x2, y2) = ends
-        raise BuildingError(
-            f"{building.source}: {what}, ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}) on level {level.name!r}, does "
-            f"not lie on a free edge (within {EXIT_REACH} m all along); "
-            + (
-                f"{gaps.sum():.2f} m of it are off: shorten it, or check for an exit or a portal there"
-                if len(rows)
-                else near
-            )
+        off = f"{gaps.sum():.2f} m of it are off: shorten it, or check for an exit or a portal there"
+        raise ValueError(
+            f"({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}) on level {level.name!r} does not lie on a free edge "
+            f"(within {EXIT_REACH} m all along); {off if len(rows) else near}"
         )
     if between_floors(level.polygon, segments, DOOR_REACH).any():
         x, y = ends.mean(axis=0)
-        raise BuildingError(
-            f"{building.source}: {what} does not lead outside: level {level.name!r} has floor on both sides of the "
-            f"wall at ({x:z.2f}, {y:z.2f}); move it to the outer outline"
+        raise ValueError(
+            f"it does not lead outside: level {level.name!r} has floor on both sides of the wall at "
+            f"({x:z.2f}, {y:z.2f}); move it to the outer outline"
         )
     width = float(segment_lengths(segments).sum())
-    new = Exit(len(building.exits), name, level.index, segments, width)
+    new = Exit(len(building.exits), item.name, level.index, segments, width)
     kept = np.concatenate([np.delete(own, rows, axis=0), rest[segment_lengths(rest) > LEAST_LENGTH]])
     return replace(_with_walls(building, level, kept), exits=(*building.exits, new))
 
 
 def add_area(building: Building, item: Outline) -> Building:
     """Add an area, clipped to the polygon of its level."""
-    name, what = item.name, f"area {item.name!r}"
-    if any(other.name == name for other in building.areas):
-        raise BuildingError(f"{building.source}: there are two areas named {name!r}; rename one")
-    drawn = _polygon(building, item, what)
-    level = find_level(building, item, what, drawn)
+    if any(other.name == item.name for other in building.areas):
+        raise ValueError("another area has the same name; rename one")
+    drawn = _polygon(item)
+    level = find_level(building, item, drawn)
     polygon = flat_parts(drawn.intersection(level.polygon))
     if polygon.is_empty:
-        raise BuildingError(f"{building.source}: {what} has no part on level {level.name!r}{_extent(level)}")
+        raise ValueError(f"it has no part on level {level.name!r}{_extent(level)}")
     findings = building.findings
     if polygon.area < (1.0 - CUT_OFF) * drawn.area:
-        text = f"{what}: {polygon.area:.2f} of its {drawn.area:.2f} m2 are on the level; the rest is cut off"
-        findings += (Finding("warning", text, level.name, polygon.representative_point().coords[0]),)
-    return replace(building, areas=(*building.areas, Area(name, level.index, polygon)), findings=findings)
+        whole = f"{polygon.area:.2f} of its {drawn.area:.2f} m2"
+        text = f"area {item.name!r}: {whole} are on the level; the rest is cut off"
+        findings += (Finding("warning", text, level.name, place_of(polygon), f"building.areas.{item.name}"),)
+    return replace(building, areas=(*building.areas, Area(item.name, level.index, polygon)), findings=findings)
 
 
-def obstacle_place(building: Building, item: Outline) -> tuple[str, Level, BaseGeometry]:
-    """Return name, level and polygon of an obstacle."""
-    what = f"obstacle {item.name!r}"
-    polygon = _polygon(building, item, what)
-    return item.name, find_level(building, item, what, polygon), polygon
+def obstacle_place(building: Building, item: Outline) -> tuple[Level, BaseGeometry]:
+    """Return level and polygon of an obstacle."""
+    polygon = _polygon(item)
+    return find_level(building, item, polygon), polygon
 
 
-def add_obstacles(building: Building, places: Sequence[tuple[str, Level, BaseGeometry]]) -> Building:
-    """Cut obstacles, given as for `obstacle_place`, out of levels and areas; their outlines become walls."""
+def add_obstacles(
+    building: Building, places: Sequence[tuple[str, Level, BaseGeometry]], errors: list[Finding]
+) -> Building:
+    """Cut obstacles (key, level, polygon) out of levels and areas; their outlines become walls."""
     on_level: dict[int, list[BaseGeometry]] = {}
-    for name, level, polygon in places:
-        what = f"obstacle {name!r}"
-        if polygon.intersection(level.polygon).area <= LEAST_LENGTH**2:
-            raise BuildingError(f"{building.source}: {what} is not on level {level.name!r}{_extent(level)}")
-        _check_open(building, level, polygon, what)
-        on_level.setdefault(level.index, []).append(polygon)
+    for key, level, polygon in places:
+        with noting(errors, f"obstacle {key.partition('obstacles.')[2]!r}", key, level.name, polygon):
+            if polygon.intersection(level.polygon).area <= LEAST_LENGTH**2:
+                raise ValueError(f"it is not on level {level.name!r}{_extent(level)}")
+            _check_open(building, level, polygon)
+            on_level.setdefault(level.index, []).append(polygon)
     for index, polygons in on_level.items():
-        building = _take_out(building, building.levels[index], union(polygons))
+        level = building.levels[index]
+        with noting(errors, f"level {level.name!r}", item_of(level), level.name, union(polygons)):
+            building = _take_out(building, level, union(polygons))
     return building
 
 
-def find_level(building: Building, item: Placed, what: str, geometry: BaseGeometry) -> Level:
+def find_level(building: Building, item: Placed, geometry: BaseGeometry) -> Level:
     """Find the level that an item names, or the level at about its height on which most of `geometry` lies.
 
     Levels are compared by the area of a polygon on them, or by the length of a segment along their walls. For equal
@@ -111,9 +117,7 @@ def find_level(building: Building, item: Placed, what: str, geometry: BaseGeomet
         index = building.level_named(item.level)
         if index is None:
             names = [level.name for level in building.levels]
-            raise BuildingError(
-                f"{building.source}: {what}: no level is named {item.level!r}; {did_you_mean(item.level, names)}"
-            )
+            raise ValueError(f"level: no level is named {item.level!r}; {did_you_mean(item.level, names)}")
         return index
     assert item.z is not None
     centre = shapely.points(shapely.get_coordinates(geometry.centroid))
@@ -127,10 +131,7 @@ def find_level(building: Building, item: Placed, what: str, geometry: BaseGeomet
             near.append((-round(overlap, 3), round(distance, 3), round(height_error, 3), is_flight, level.index))
     if not near:
         heights = ", ".join(f"{level.name!r} z = {level.z_min:z.2f} to {level.z_max:z.2f}" for level in building.levels)
-        raise BuildingError(
-            f"{building.source}: {what}: no level is at the height z = {item.z:g} m there; correct z, or name a level: "
-            f"{heights}"
-        )
+        raise ValueError(f"z: no level is at the height z = {item.z:g} m there; correct z, or name a level: {heights}")
     return building.levels[min(near)[-1]]
 
 
@@ -143,18 +144,16 @@ def _overlap(building: Building, level: Level, geometry: BaseGeometry) -> float:
     return float(segment_lengths(pieces).sum())
 
 
-def _polygon(building: Building, item: Outline, what: str) -> BaseGeometry:
+def _polygon(item: Outline) -> BaseGeometry:
     """Check and return the polygon of an item."""
     polygon = shapely.Polygon(item.polygon)
     if not polygon.is_valid or polygon.area <= LEAST_LENGTH**2:
         cause = shapely.is_valid_reason(polygon) if not polygon.is_valid else "it has no area"
-        raise BuildingError(
-            f"{building.source}: {what}: polygon is not a valid outline: {cause}; draw it without crossings"
-        )
+        raise ValueError(f"polygon is not a valid outline: {cause}; draw it without crossings")
     return polygon
 
 
-def _check_open(building: Building, level: Level, polygon: BaseGeometry, what: str) -> None:
+def _check_open(building: Building, level: Level, polygon: BaseGeometry) -> None:
     """Refuse an obstacle that covers part of a portal or an exit."""
     ways = [("portal", portal.name, portal.segments) for portal in building.portals_of(level.index)]
     ways += [("exit", way.name, way.segments) for way in building.exits_of(level.index)]
@@ -162,9 +161,9 @@ def _check_open(building: Building, level: Level, polygon: BaseGeometry, what: s
         covered = shapely.multilinestrings(segments.reshape(-1, 2, 2)).intersection(polygon)
         if covered.length > LEAST_LENGTH:
             x, y = covered.centroid.coords[0]
-            raise BuildingError(
-                f"{building.source}: {what} covers {covered.length:.2f} m of the {kind} {name!r} at "
-                f"({x:z.2f}, {y:z.2f}) on level {level.name!r}; move it off"
+            raise ValueError(
+                f"it covers {covered.length:.2f} m of the {kind} {name!r} at ({x:z.2f}, {y:z.2f}) on level "
+                f"{level.name!r}; move it off"
             )
 
 
@@ -172,7 +171,7 @@ def _take_out(building: Building, level: Level, obstacle: BaseGeometry) -> Build
     """Subtract an obstacle from a level and its areas, and add walls along its outline."""
     polygon = flat_parts(level.polygon.difference(obstacle))
     if polygon.is_empty:
-        raise BuildingError(f"{building.source}: obstacles cover all of level {level.name!r}; make them smaller")
+        raise ValueError("obstacles cover all of it; make them smaller")
     new, old = sides(polygon), level.polygon.boundary
     middle = shapely.points((new[:, :2] + new[:, 2:]) / 2)
     is_new = shapely.distance(middle, old) > COLLINEAR
@@ -186,10 +185,7 @@ def _take_out(building: Building, level: Level, obstacle: BaseGeometry) -> Build
     ]
     gone = [area.name for area in areas if area.polygon.is_empty]
     if gone:
-        raise BuildingError(
-            f"{building.source}: obstacles cover all of the area {gone[0]!r} on level {level.name!r}; "
-            "make them smaller, or move the area"
-        )
+        raise ValueError(f"obstacles cover all of the area {gone[0]!r}; make them smaller, or move the area")
     building = _with_walls(building, level, np.concatenate([kept, new[is_new]]))
     return replace(building, levels=tuple(levels), areas=tuple(areas))
 

@@ -3,6 +3,7 @@
 import heapq
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
-from evac.base.arrays import FloatArray
+from evac.base.arrays import FloatArray, IndexArray
 from evac.building.model.building import DOWN, FLAT, UP, Area, Exit, Portal
 from evac.directions.raster.grids import OWN, RING, BuildingGrids, LevelGrid, use_towards
 from evac.directions.raster.lattice import SLACK
@@ -19,6 +20,12 @@ from evac.directions.raster.strips import points_along
 
 #: Largest remaining cost difference at a portal, in units of the time per cell.
 TOLERANCE = 0.25
+
+#: Slowness factor of slits, which no body fits through: they lead to times of their own ground only.
+SLIT = 10.0
+
+#: Rounding error of the contours of two marches through levels that are alike, in cells: only the first is made.
+ALIKE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -69,8 +76,12 @@ class _March:
         self.falls = [0] * len(grids.levels)
         #: Per (portal, level entered): decreases of the level behind, and the last cost marched from since then.
         self.tried: dict[tuple[int, int], tuple[int, float]] = {}
-        #: Per (portal, level behind): see `_tolerated`.
-        self.tolerated: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}
+        #: Per portal: the cost difference that is tolerated at points along it, and these points on each level.
+        self.tolerated: dict[int, tuple[FloatArray, dict[int, _Points]]] = {}
+        #: Marches through levels that others are like, by the first of these: speeds, contours and times.
+        self.made: dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
+        alike = [grid.alike for grid in grids.levels]
+        self.repeated = {level for level in alike if alike.count(level) > 1}
 
     def run(self, exits: list[Exit | Area]) -> FloatArray:
         for grid in self.grids.levels:
@@ -135,21 +146,24 @@ class _March:
         exits are behind a wide portal.
         """
         beyond = portal.other(entered)
-        points, slack = self._tolerated(portal, beyond)
-        behind = self._at(beyond, points)
+        slack, points = self._tolerated(portal)
+        behind = points[beyond].mean(self.cost)
         falls, before = self.tried.get((portal.index, entered), (-1, -math.inf))
-        lower = behind < self._at(entered, points) - slack
+        here = points[entered].mean(self.cost)
+        lower = behind < np.subtract(here, slack, out=here, where=np.isfinite(here))
         if falls == self.falls[beyond]:
             lower &= behind > before + self._step(portal)
         return float(behind[lower].min()) if lower.any() else math.inf
 
-    def _tolerated(self, portal: Portal, beyond: int) -> tuple[FloatArray, FloatArray]:
-        """Return points along a portal, and the cost difference that is tolerated at each from a level behind it."""
-        key = portal.index, beyond
-        if key not in self.tolerated:
-            points, _ = points_along(portal.segments, 0.5 * self.spacing)
-            self.tolerated[key] = points, self._step(portal) * self._at(beyond, points, self.metric.factor)
-        return self.tolerated[key]
+    def _tolerated(self, portal: Portal) -> tuple[FloatArray, "dict[int, _Points]"]:
+        """Return the cost difference that is tolerated at points along a portal, inf in slits, and these points."""
+        if portal.index not in self.tolerated:
+            places, _ = points_along(portal.segments, 0.5 * self.spacing)
+            points = {level: _Points.of(self.grids.levels[level], places) for level in portal.levels}
+            factor = np.maximum(*(points[level].mean(self.metric.factor) for level in portal.levels))
+            slack = self._step(portal) * np.where(factor > SLIT, math.inf, factor)
+            self.tolerated[portal.index] = slack, points
+        return self.tolerated[portal.index]
 
     def _step(self, portal: Portal) -> float:
         """Return the cost difference that is tolerated at a portal [s]."""
@@ -308,6 +322,19 @@ class _March:
         slowness *= self.metric.factor[grid.packed].reshape(slowness.shape)
         slowness[halo] = beyond
         speed = np.divide(1.0, slowness, out=slowness)
+        if grid.alike not in self.repeated:
+            return self._marched(phi, speed, walkable)
+        made = self.made.setdefault(grid.alike, [])
+        for other_speed, contour, times in made:
+            if np.array_equal(speed, other_speed) and np.abs(phi - contour).max() <= ALIKE * self.spacing:
+                return times.copy()
+        given = speed.copy(), phi.copy()
+        times = self._marched(phi, speed, walkable)
+        made.append((*given, times.copy()))
+        return times
+
+    def _marched(self, phi: FloatArray, speed: FloatArray, walkable: NDArray[np.bool_]) -> FloatArray:
+        """Return the cost from the zero contour of `phi`, inf where no wave arrives."""
         # The march takes some ten times the memory of an array of its nodes: nothing is copied here.
         cost = skfmm.travel_time(np.ma.array(phi, mask=~walkable), speed, dx=self.spacing, order=self.order)
         times: FloatArray = np.ma.getdata(cost)
@@ -333,23 +360,31 @@ class _March:
         self.falls[grid.level] += bool((new < cost - noticed).any())
         np.minimum(cost, new, out=cost)
 
-    def _at(self, level: int, points: FloatArray, values: FloatArray | None = None) -> FloatArray:
-        """Interpolate costs (or other packed values) of a level at points, using the nodes with finite values."""
-        grid = self.grids.levels[level]
-        own = (self.cost if values is None else values)[grid.packed].reshape(grid.window.shape)
-        cells = (points - grid.window.origin) / self.spacing
-        ix, iy = np.floor(cells).astype(np.int64).T
-        fx, fy = (cells - np.floor(cells)).T
-        total = np.zeros(len(points))
-        weights = np.zeros(len(points))
-        for a, b in ((0, 0), (0, 1), (1, 0), (1, 1)):
-            value = own[ix + a, iy + b]
-            # A corner of weight zero is used if it is the only one with a value.
-            weight = np.where(np.isfinite(value), np.abs(1 - a - fx) * np.abs(1 - b - fy) + 1e-12, 0.0)
-            total += weight * np.where(np.isfinite(value), value, 0.0)
-            weights += weight
-        with np.errstate(invalid="ignore"):
-            return np.where(weights > 0.0, total / weights, math.inf)
+
+class _Points(NamedTuple):
+    """Points on a level, for interpolation."""
+
+    nodes: IndexArray  # (4, p) int64: packed indices of the nodes around each
+    weights: FloatArray  # (4, p) float64: their weights
+
+    @classmethod
+    def of(cls, grid: LevelGrid, places: FloatArray) -> "_Points":
+        """Return the points at places (p, 2) [m]."""
+        cells = (places - grid.window.origin) / grid.window.lattice.spacing
+        (ix, iy), (fx, fy) = np.floor(cells).astype(np.int64).T, (cells - np.floor(cells)).T
+        corners = ((0, 0), (0, 1), (1, 0), (1, 1))
+        nodes = [grid.offset + np.ravel_multi_index((ix + a, iy + b), grid.window.shape) for a, b in corners]
+        # A corner of weight zero is used if it is the only one with a value.
+        weights = [np.abs(1 - a - fx) * np.abs(1 - b - fy) + 1e-12 for a, b in corners]
+        return cls(np.stack(nodes), np.stack(weights))
+
+    def mean(self, values: FloatArray) -> FloatArray:
+        """Interpolate packed values at the points, from the nodes with finite values; inf without one."""
+        around = values[self.nodes]
+        is_known = np.isfinite(around)
+        weights = np.where(is_known, self.weights, 0.0)
+        total, weight = (weights * np.where(is_known, around, 0.0)).sum(axis=0), weights.sum(axis=0)
+        return np.where(weight > 0.0, total / np.where(weight > 0.0, weight, 1.0), math.inf)
 
 
 def _has_contour(phi: FloatArray, walkable: NDArray[np.bool_]) -> bool:

@@ -1,8 +1,9 @@
 """Grids of levels: own nodes, halos of the neighbouring levels behind portals, and strips behind exits."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import shapely
@@ -29,6 +30,7 @@ class LevelGrid:
     """The grid of one level."""
 
     level: int
+    alike: int  # first level whose grid has the same nodes and links at the same places
     window: Window
     # (nx, ny) int32: ``NOTHING``, ``OWN``, or 1 + link for a node of the neighbour behind a portal or of the strip
     # behind an exit
@@ -140,7 +142,22 @@ def use_towards(level: Level, segments: FloatArray) -> int:
     return DOWN if (segments.reshape(-1, 2) @ level.uphill).mean() < middle else UP
 
 
-def build_grids(building: Building, spacing: float, clearance: float, barred: float = 0.0) -> BuildingGrids:
+class Shared:
+    """What was found for levels, by what it follows from, so that it is found once for storeys that are alike."""
+
+    def __init__(self) -> None:
+        self._found: dict[Hashable, Any] = {}
+
+    def get(self, find: Callable[[], Any], *key: Hashable) -> Any:
+        """Return what was found for a key, or find it."""
+        if key not in self._found:
+            self._found[key] = find()
+        return self._found[key]
+
+
+def build_grids(
+    building: Building, spacing: float, clearance: float, barred: float = 0.0, shared: Shared | None = None
+) -> BuildingGrids:
     """Create the grids of all levels.
 
     Parameters
@@ -152,11 +169,14 @@ def build_grids(building: Building, spacing: float, clearance: float, barred: fl
         Maximum distance from walls that is computed [m].
     barred : float
         Gaps, portals and exits narrower than this are treated as closed [m]. The windows do not depend on it.
+    shared : Shared, optional
+        That of other grids of the building with the same spacing and clearance.
     """
     narrow = {k for k, link in enumerate(building.links[: building.n_links]) if link.width < barred}
     whole, building = building, replace(building, closed=building.closed | narrow)
     x_min, y_min = building.vertices[:, :2].min(axis=0)
     lattice = Lattice((float(x_min), float(y_min)), spacing)
+    shared = shared or Shared()
     lasting = [_walls_of(building, level, barred) for level in building.levels]
     doors = [_doors_of_one_direction(building, level.index) for level in building.levels]
     walls = [
@@ -165,30 +185,32 @@ def build_grids(building: Building, spacing: float, clearance: float, barred: fl
     # Strips behind exits are as deep as the clearance, so that paths pass the posts of an exit as those of any door.
     margin = _margin(spacing, clearance)
     own_windows = [lattice.window(level.polygon.bounds, margin) for level in building.levels]
-    own_nodes, stand_ins = zip(
-        *(
-            walkable_nodes(window, level.polygon, walls[level.index])
-            for level, window in zip(building.levels, own_windows, strict=True)
-        ),
-        strict=True,
-    )
-    layers = _Layers(building, whole, own_windows, list(own_nodes), walls, margin)
-    grids: list[tuple[Window, IntArray]] = [layers.grid(level) for level in building.levels]
+    layers = _Layers(building, whole, own_windows, lasting, walls, clearance, margin, shared)
+    made = [layers.grid(level) for level in building.levels]
+    grids = [(one.window, layers.renumbered(one.sheet, one.links, level)) for level, one in enumerate(made)]
     offsets = np.concatenate(([0], np.cumsum([sheet.size for _, sheet in grids])))
     found = []
-    for level, (window, sheet) in zip(building.levels, grids, strict=True):
-        source = _sources(building, level.index, grids, offsets)
-        ring, distance = _distances(building, level.index, window, sheet, lasting, clearance)
-        portals = _open_portals(building, level.index)
-        seams = {portal.index: _seam(portal, level.index, grids, offsets) for portal in portals}
-        offset = int(offsets[level.index])
-        ring += offset
-        rows = {exit_.index: layers.strip_rows[exit_.index] for exit_ in layers.open_exits(level.index)}
-        stands_for = offset + _moved(stand_ins[level.index], own_windows[level.index], window)
-        wide = [(door, side) for door, side in doors[level.index] if door.width >= barred]
-        passages = offset + _passages(window, sheet, wide)
+    for level, ((window, sheet), one) in enumerate(zip(grids, made, strict=True)):
+        offset = int(offsets[level])
+        wide = [(door, side) for door, side in doors[level] if door.width >= barred]
+        exits = [exit_.index for exit_ in layers.open_exits(level)]
+        seams = {p.index: _seam(p, level, grids, offsets) for p in _open_portals(building, level)}
+        stands_for = offset + _moved(layers.nodes(level)[1], own_windows[level], window)
         found.append(
-            LevelGrid(level.index, window, sheet, source, offset, ring, distance, seams, rows, passages, stands_for)
+            LevelGrid(
+                level,
+                one.level,
+                window,
+                sheet,
+                _sources(building, level, grids, offsets),
+                offset,
+                offset + one.ring,
+                one.distance,
+                seams,
+                dict(zip(exits, one.strip_rows, strict=True)),
+                offset + _passages(window, sheet, wide),
+                stands_for,
+            )
         )
     return BuildingGrids(building, lattice, tuple(found), tuple(walls), clearance, int(offsets[-1]), margin)
 
@@ -291,43 +313,101 @@ def _moved(nodes: IndexArray, window: Window, larger: Window) -> IndexArray:
 
 
 @dataclass(frozen=True)
+class _Made:
+    """A grid as it was made for the first of the levels that are alike."""
+
+    level: int
+    links: IndexArray  # its open portals, then its exits
+    window: Window
+    sheet: IntArray
+    strip_rows: list[int]  # for each open exit
+    ring: IndexArray  # flat indices
+    distance: FloatArray
+
+
+@dataclass(frozen=True)
 class _Layers:
     """The nodes of each level, from which the sheet of a grid is assembled."""
 
     building: Building
     whole: Building  # without the links closed that are treated as closed
     windows: list[Window]
-    nodes: list[BoolArray]
+    lasting: list[FloatArray]  # walls without doors of one direction
     walls: list[FloatArray]
+    clearance: float
     margin: int
-    strip_rows: dict[int, int] = field(default_factory=dict)  # by exit, filled by `grid`
+    shared: Shared
+
+    def nodes(self, level: int) -> tuple[BoolArray, IndexArray]:
+        """Return the nodes of a level, and those that stand for others; see `walkable_nodes`."""
+        window, polygon, walls = self.windows[level], self.building.levels[level].polygon, self.walls[level]
+        found: tuple[BoolArray, IndexArray] = self.shared.get(
+            lambda: walkable_nodes(window, polygon, walls), *self._ground(level)
+        )
+        return found
+
+    def _ground(self, level: int) -> tuple[Hashable, ...]:
+        """Return what the nodes of a level follow from."""
+        return self.windows[level], self.building.levels[level].polygon, self.walls[level].tobytes()
 
     def open_exits(self, level: int) -> list[Exit]:
         """Return the open exits of a level."""
         return [exit_ for exit_ in self.building.exits_of(level) if self.building.is_open(exit_)]
 
-    def grid(self, level: Level) -> tuple[Window, IntArray]:
-        """Return the window and the sheet of a level's grid."""
-        lattice = self.windows[level.index].lattice
-        portals = _open_portals(self.building, level.index)
-        window = lattice.window(_bounds(self.whole, level, lattice.spacing), self.margin)
+    def _links(self, level: int) -> IndexArray:
+        portals = [portal.index for portal in _open_portals(self.building, level)]
+        return np.array([*portals, *map(self.building.link_of, self.building.exits_of(level))], np.int64)
+
+    def renumbered(self, sheet: IntArray, links: IndexArray, level: int) -> IntArray:
+        """Return a sheet with the links of another level that is alike."""
+        own = self._links(level)
+        if np.array_equal(own, links):
+            return sheet
+        table = np.full(2 + self.building.n_links, NOTHING, dtype=np.int32)
+        table[OWN], table[1 + links] = OWN, 1 + own
+        renumbered: IntArray = table[sheet]
+        return renumbered
+
+    def grid(self, level: Level) -> _Made:
+        """Return the grid of a level, or of the first one that is like it."""
+        index, portals = level.index, _open_portals(self.building, level.index)
+        window = self.windows[index].lattice.window(
+            _bounds(self.whole, level, self.windows[index].lattice.spacing), self.margin
+        )
+        around = [index, *(portal.other(index) for portal in portals)]
+        exits = self.building.exits_of(index)
+        found: _Made = self.shared.get(
+            lambda: self._grid(level, window),
+            window,
+            *(self._ground(one) for one in around),
+            *(self.lasting[one].tobytes() for one in around),
+            *(portal.segments.tobytes() for portal in portals),
+            *(exit_.segments.tobytes() for exit_ in exits),
+            *map(self.building.is_open, exits),
+        )
+        return found
+
+    def _grid(self, level: Level, window: Window) -> _Made:
+        lattice, index = window.lattice, level.index
+        portals = _open_portals(self.building, index)
         sheet = np.full(window.shape, NOTHING, dtype=np.int32)
-        here, there = window.overlap(self.windows[level.index])
-        sheet[here][self.nodes[level.index][there]] = OWN
-        taken = [level.polygon]
+        here, there = window.overlap(self.windows[index])
+        sheet[here][self.nodes(index)[0][there]] = OWN
+        taken, strip_rows = [level.polygon], []
         for portal in portals:
-            neighbour, depth = portal.other(level.index), _depth(portal, lattice.spacing)
+            neighbour, depth = portal.other(index), _depth(portal, lattice.spacing)
             self._add_halo(window, sheet, portal, neighbour, depth)
             behind_it = shapely.buffer(chain(portal.segments), depth)
             taken.append(self.building.levels[neighbour].polygon.intersection(behind_it))
-        for exit_ in self.open_exits(level.index):
+        for exit_ in self.open_exits(index):
             rows = free_rows(exit_.segments, shapely.union_all(taken), lattice.spacing, self.margin - 1)
-            self.strip_rows[exit_.index] = rows
+            strip_rows.append(rows)
             for box, strip in behind(window, exit_.segments, rows):
                 sheet[box][strip & (sheet[box] == NOTHING)] = 1 + self.building.link_of(exit_)
             taken.append(shapely.buffer(chain(exit_.segments), rows * lattice.spacing, cap_style="flat"))
-        self._cut_links(window, sheet, level.index, portals)
-        return window, sheet
+        self._cut_links(window, sheet, index, portals)
+        ring, distance = _distances(self.building, index, window, sheet, self.lasting, self.clearance)
+        return _Made(index, self._links(index), window, sheet, strip_rows, ring, distance)
 
     def _add_halo(self, window: Window, sheet: IntArray, portal: Portal, neighbour: int, depth: float) -> None:
         """Add the neighbour's nodes that can be reached directly behind a portal to the sheet."""
@@ -335,7 +415,7 @@ class _Layers:
         part = window.part(box)
         nodes = np.zeros(part.shape, dtype=np.bool_)
         here, there = part.overlap(self.windows[neighbour])
-        nodes[here] = self.nodes[neighbour][there]
+        nodes[here] = self.nodes(neighbour)[0][there]
         line = chain(portal.segments)
         shapely.prepare(line)
         x, y = window.coordinates(box)

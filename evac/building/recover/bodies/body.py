@@ -31,6 +31,7 @@ class Body:
     number: int = -1  # number in the file
     storey: str = ""  # name of the storey that a space belongs to, by the file
     fills: int = -1  # number of the opening that a door or window fills, by the file
+    use: str = ""  # what a space is used for, by the file
 
     @cached_property
     def corners(self) -> FloatArray:

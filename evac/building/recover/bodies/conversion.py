@@ -13,7 +13,7 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import HEADROOM
 from evac.base.errors import BuildingError
 from evac.building.geometry import common, cut, place_of, united
-from evac.building.model.findings import Finding, numbered
+from evac.building.model.findings import Finding, and_more, grouped, numbered
 from evac.building.plan.outlines import normal, strip
 from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import Body, closed, snapped
@@ -199,8 +199,10 @@ def _beside(ground: BaseGeometry, ends: FloatArray, reach: float) -> list[tuple[
 KINDS = ("space", "slab", "roof", "wall", "column", "opening", "door", "window", "stair", "landing", "furniture")
 #: Minimum area of the remaining part of a room in which people can start [m2].
 LEAST_ROOM = 0.5
-#: Distance by which areas extend beyond their rooms, less than the thickness of walls [m].
+#: Distance by which rooms extend beyond their spaces, less than the thickness of walls [m].
 OVERLAP = 0.02
+#: Share of a part of the ground from which on a space is all of it.
+ALL = 0.9
 
 
 def plan_of_bodies(
@@ -219,7 +221,8 @@ def plan_of_bodies(
     floors = floors_of([*solid, *openings], passages, storeys, rules, findings)
     if not floors:
         kinds = sorted({body.kind for body in bodies})
-        lost = "".join(f"; {finding.text}" for finding in findings if finding.kind == "missing")
+        missing = grouped(finding for finding in findings if finding.kind == "missing")
+        lost = "".join(f"; {group[0].text}{and_more(group)}" for group in missing)
         raise BuildingError(
             f"{source}: the file has no floor: neither a space nor a slab with a level top, only "
             f"{', '.join(kinds) or 'nothing'}{lost}"
@@ -236,6 +239,7 @@ def plan_of_bodies(
     floors = _without_pits(floors, ways, stairs, findings)
     plan = Plan(source)
     plan.findings = findings
+    away, names = united([stair.plan for stair in stairs]), set[str]()
     for floor in floors:
         more = [polygon for stair in stairs for of, polygon in stair.ground if of is floor]
         for polygon in more:
@@ -243,13 +247,12 @@ def plan_of_bodies(
             findings.append(Finding("repaired", text, floor.name, place_of(polygon)))
         floor.ground = meeting(floor, stairs)
         inner = [ground for way, ground in zip(ways, passable, strict=True) if way.floor is floor and way.sides == 2]
-        plan.storey(floor.name, cut(floor.ground, united(inner)), floor.z)
+        _add_floor(plan, floor, cut(floor.ground, united(inner)), away, names)
         slab = "" if floor.rooms else ", of slabs"
         plan.note("found", f"{floor.ground.area:.2f} m2 at {floor.z:.2f} m{slab}", floor.name)
     for stair in stairs:
         stair.add_to(plan)
     _add_doors(plan, ways, rules)
-    _add_rooms(plan, floors, stairs)
     if not plan.exits:
         _note_alone(plan, floors, stairs)
     return plan
@@ -319,24 +322,35 @@ def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> None:
         plan.note("found", f"{what} {name!r}, {width:.2f} m wide", way.floor.name, (x, y))
 
 
-def _add_rooms(plan: Plan, floors: Sequence[Floor], stairs: Sequence[FoundStair]) -> None:
-    """Add the spaces as areas, except those that are covered by stairs."""
-    away = united([stair.plan for stair in stairs])
-    names: set[str] = set()
-    for floor in floors:
-        taken: list[BaseGeometry] = []
-        for room, polygon in floor.rooms:
-            if common(cut(polygon, away), floor.ground).area < LEAST_ROOM:
-                text = f"{room!r} is not an area: a stair covers it, or it has no floor"
-                plan.note("left out", text, floor.name, place_of(polygon), element="space")
-                continue
-            name = room if room not in names else f"{room} of {floor.name}"
-            names.add(name)
-            # Slightly larger than the room, so that the outline of the area follows the outline of the floor at walls.
-            grown = snapped(shapely.buffer(polygon, OVERLAP, join_style="mitre"))
-            area = common(cut(grown, united(taken)), floor.ground)
-            taken.append(area)
-            plan.area(name, floor.name, area)
+def _add_floor(plan: Plan, floor: Floor, ground: BaseGeometry, away: BaseGeometry, names: set[str]) -> None:
+    """Add the ground of a floor: its spaces as rooms, except those that stairs cover, and the rest to its storey.
+
+    `away`: stairs in plan; `names`: names of rooms so far.
+    """
+    spaces = []
+    for room, use, polygon in floor.rooms:
+        if common(cut(polygon, away), ground).area < LEAST_ROOM:
+            text = f"{room!r} is not an area: a stair covers it, or it has no floor"
+            plan.note("left out", text, floor.name, place_of(polygon), element="space")
+        else:
+            spaces.append((room, use, snapped(shapely.buffer(polygon, OVERLAP, join_style="mitre"))))
+    rooms, rest = list[tuple[str, str, BaseGeometry]](), []
+    for part in shapely.get_parts(ground):
+        left = part
+        for room, use, grown in spaces:
+            pieces = shapely.get_parts(common(grown, left))
+            if shapely.area(pieces).sum() > max(LEAST_ROOM, ALL * part.area):
+                pieces = [left]
+            piece = max(pieces, key=lambda own: own.area, default=shapely.Polygon())
+            if piece.area > LEAST_ROOM:
+                name = numbered(room if room not in names else f"{room} of {floor.name}", names)
+                names.add(name)
+                rooms.append((name, use, piece))
+                left = cut(left, piece)
+        rest += [one for one in shapely.get_parts(left) if not one.is_empty]
+    plan.storey(floor.name, rest or None, floor.z)
+    for name, use, piece in rooms:
+        plan.room(name, floor.name, piece, use=use or None)
 
 
 def _note_alone(plan: Plan, floors: Sequence[Floor], stairs: Sequence[FoundStair]) -> None:

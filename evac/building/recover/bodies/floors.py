@@ -63,8 +63,8 @@ class Floor:
     z: float  # [m]
     ground: BaseGeometry
     slabs: BaseGeometry  # tops of slabs at its height, including ground under obstacles
-    # list of (str, polygon or multipolygon): name and plan of each space on it
-    rooms: list[tuple[str, BaseGeometry]] = field(default_factory=list)
+    # list of (str, str, polygon or multipolygon): name, use and plan of each space on it
+    rooms: list[tuple[str, str, BaseGeometry]] = field(default_factory=list)
 
 
 @dataclass
@@ -93,7 +93,7 @@ def floors_of(
     tops = [(plan, z) for body in bodies if body.kind == "slab" for plan, z in body.tops()]
     floors = []
     for height, name in zip(heights, names, strict=True):
-        slabs, rooms = united(height.slabs), dict[str, BaseGeometry]()
+        slabs, rooms = united(height.slabs), dict[str, tuple[str, str, BaseGeometry]]()
         if height.spaces and slabs.is_empty and _is_above_roof(height, bodies):
             text = "spaces with a roof and no slab below are outside of the building"
             place, number = height.spaces[0][0].place, len(height.spaces)
@@ -105,7 +105,8 @@ def floors_of(
             made = united([_of_spaces(height, slabs, name, rules.gap, findings), steps, halls])
             slabs = united([slabs, steps])
             for body, plan, _ in sorted(height.spaces, key=lambda one: one[0].name):
-                rooms[numbered(body.name, rooms)] = plan
+                name_of_room = numbered(body.name, rooms)
+                rooms[name_of_room] = name_of_room, body.use, plan
         elif any(abs(body.z_min - height.z) <= THICKNESS and _covers(body.shadow(), slabs) for body in low):
             continue
         else:
@@ -119,7 +120,7 @@ def floors_of(
             findings.append(Finding("assumed", f"slabs without walls are used as floors: {what} (ground)", name))
         made = _without_bodies(made, bodies, height, rules.furniture)
         made = _inside(made, height, bodies, passages, name, findings)
-        floors.append(Floor(name, height.z, made, slabs, list(rooms.items())))
+        floors.append(Floor(name, height.z, made, slabs, list(rooms.values())))
         levels = [z for _, _, z in height.spaces]
         if levels and max(levels) - min(levels) > 0.001:
             text = f"floors at {min(levels):z.3f} to {max(levels):z.3f} m are merged at {height.z:z.3f} m (step)"
