@@ -179,10 +179,12 @@ class Drawing:
         for name, rows in by_storey.items():
             if ground := [*(part for row in rows for part in opened[row]), *outer.get(name, ())]:
                 # Ground of several doors to the outside at one place may leave slivers between them.
-                whole = shapely.get_parts(united([self.floors[name], *ground]))
+                self.floors[name] = united([self.floors[name], *ground])
+                whole = shapely.get_parts(self.floors[name])
                 holes = [[ring for ring in one.interiors if shapely.Polygon(ring).area > LEAST_AREA] for one in whole]
-                outlines = zip(shapely.get_exterior_ring(whole), holes, strict=True)
-                self.floors[name] = united([shapely.Polygon(*outline) for outline in outlines])
+                if sum(map(len, holes)) < shapely.get_num_interior_rings(whole).sum():
+                    outlines = zip(shapely.get_exterior_ring(whole), holes, strict=True)
+                    self.floors[name] = united([shapely.Polygon(*outline) for outline in outlines])
 
     def _lacks_wall(self, door: Item) -> bool:
         """Return whether a door is on a side of two rooms that touch, and tell that their storey has no wall."""
