@@ -20,7 +20,6 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Exit, Level, Place, Portal
 from evac.building.model.marks import marks_of
-from evac.building.model.storeys import level_of, storeys
 from evac.pictures import palette
 from evac.pictures.view import View
 from evac.pictures.writing import legible_figure, round_length
@@ -58,16 +57,16 @@ def draw_plans(
     """Draw the plan of each storey, with walls, exits and their names, and a scale bar.
 
     `title`: the first line is bold. With None, no space is left for a title; `levels`: levels by name or index, each in
-    its own plan; by default all levels, grouped by storey (`evac.building.model.storeys.storeys`); `is_filled`: whether
+    its own plan; by default all levels, grouped by storey (`Building.storeys`); `is_filled`: whether
     floors are filled with the colours of their kinds; maps fill them themselves; `side`: width of the space at the
     right for a legend or a colour bar [inches]; `has_widths`: whether the widths of portals and exits are written
     beside them; `greatest`: greatest width and height of all plans together [inches]; `part`: which of the plans,
     counted from the lowest storey.
     """
     if levels is None:
-        panels = [(name, tuple(shown)) for name, shown in storeys(building)]
+        panels = [(name, tuple(shown)) for name, shown in building.storeys]
     else:
-        panels = [(shown.name, (shown,)) for shown in (level_of(building, level) for level in levels)]
+        panels = [(shown.name, (shown,)) for shown in (building.level_at(level) for level in levels)]
     panels = panels[part]
     # All plans have the same limits, so that places above one another have the same position in each.
     x1, y1, x2, y2 = shapely.total_bounds([level.polygon for _, shown in panels for level in shown]).tolist()

@@ -15,7 +15,6 @@ from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.distributions import as_text
 from evac.building.model.building import Building
-from evac.building.model.storeys import storeys
 from evac.folder.files import PEOPLE_NAME, SUMMARY_NAME
 from evac.pictures import palette
 from evac.replay.motion import MotionPacker
@@ -190,7 +189,7 @@ def poster(motion: MotionPacker, group: IntArray) -> str:
     `motion`: with at least one state; `group` (n,): group of each person, -1 for none.
     """
     building = motion.building
-    of = storeys(building)
+    of = building.storeys
     storey_of = {level.index: storey for storey, (_, levels) in enumerate(of) for level in levels}
     low, high = np.array(shapely.total_bounds([level.polygon for level in building.levels])).reshape(2, 2)
     cell = high - low + max(GAP * float((high - low).max()), LEAST_GAP)

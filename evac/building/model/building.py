@@ -12,6 +12,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.errors import ResultError
+from evac.base.parameters import did_you_mean
 from evac.building.model.findings import Finding, warnings_of
 
 if TYPE_CHECKING:
@@ -339,6 +341,34 @@ class Building:
     def level_named(self, name: str) -> Level | None:
         """Return the level with a given name, or None."""
         return next((level for level in self.levels if level.name == name), None)
+
+    def level_at(self, level: str | int) -> Level:
+        """Return a level by its name or index."""
+        names = [each.name for each in self.levels]
+        if isinstance(level, int) and not 0 <= level < len(names):
+            raise ResultError(f"there is no level {level}; the building has levels 0 to {len(names) - 1}")
+        if isinstance(level, str) and level not in names:
+            raise ResultError(f"there is no level {level!r}; {did_you_mean(level, names)}")
+        return self.levels[level if isinstance(level, int) else names.index(level)]
+
+    @cached_property
+    def storeys(self) -> list[tuple[str, list[Level]]]:
+        """The storeys from the bottom to the top, each with a name and its levels.
+
+        A storey consists of the floors of one height, and the flights and landings between it and the storey above,
+        which do not overlap in plan. Flights and landings below the lowest floor belong to the lowest storey.
+        """
+        floors = [level for level in self.levels if level.kind == "floor"] or list(self.levels)
+        heights = sorted({round(level.z_min, 2) for level in floors})
+        members: list[list[Level]] = [[] for _ in heights]
+        for level in self.levels:
+            below = [k for k, height in enumerate(heights) if height <= level.z_min + 0.05]
+            members[below[-1] if below else 0].append(level)
+        return [
+            (", ".join(level.name for level in levels if level.kind == "floor") or levels[0].name, levels)
+            for levels in members
+            if levels
+        ]
 
     def area_named(self, name: str) -> Area | None:
         """Return the area with a given name, or the whole level with this name; None if there is neither."""
