@@ -197,7 +197,7 @@ class Renderer:
             pen.colour_bar(view.side, colours.scale, colours.top)
         elif self._has_legend:
             pen.legend(view.side, [(legible(name, self.names), look) for name, look in colours.legend])
-        pen.scale_bar(view.scale)
+        pen.scale_bar(view.scale, view.north)
         if self._smoke is not None:
             pen.swatches("smoke at the mean height of heads [1/m]", self._smoke.scale())
         return np.array(picture)

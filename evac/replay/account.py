@@ -50,6 +50,7 @@ class Account:
     verdict: Verdict | None = None
     safety: Mapping[str, Any] | None = None  # as summary.json has it
     margins: Sequence[LeastMargin] = ()  # the least ones
+    visibility: float | None = None  # of the criteria of the case, the greatest [m]
 
 
 def account_of_run(results: Results, error: BaseException | None = None) -> Account:
@@ -98,6 +99,8 @@ def _of_summary(results: Results, error: BaseException | None) -> dict[str, Any]
     left = people - results.evacuated - sum(len(place.people) for place in results.places)
     ended = results.ended if error is None else FAILED
     step = case.simulation.get("step")
+    criteria = (results.settings.get("safety") or {}, *results.settings.get("compartment", ()))
+    limits = [one["visibility"] for one in criteria if one.get("visibility")]
     facts = [
         ("Building", case.building.mesh),
         ("People", f"{people}, of whom {results.evacuated} got out"),
@@ -119,6 +122,7 @@ def _of_summary(results: Results, error: BaseException | None) -> dict[str, Any]
         "quality_warnings": results.quality_warnings,
         "verdict": results.verdict,
         "safety": results.safety,
+        "visibility": max(limits, default=None),
         "banner": _banner(ended, results.time, left, people, error),
     }
 

@@ -215,12 +215,12 @@ class Place:
     ----------
     name : str
     kind : str
-        "refuge", "assembly" or "sign"; or "line", through which people are counted.
+        "refuge", "assembly", "sign" or "fire"; or "line", through which people are counted.
     level : int
     shape : shapely polygon or multipolygon, point or line
-        In plan [m]; a point for signs.
+        In plan [m]; a point for signs and fires.
     area : str
-        Name of the area; empty for signs.
+        Name of the area; empty for signs and fires.
     capacity : int, optional
         Greatest number of people in an area; None: any.
     exit : str
@@ -247,8 +247,8 @@ class Place:
         """How many people there is room for, or from where a sign is seen."""
         if self.kind == "sign":
             return f"seen from {self.range:g} m"
-        if self.kind == "line":
-            return "people who pass are counted"
+        if self.kind in ("line", "fire"):
+            return "people who pass are counted" if self.kind == "line" else "it burns"
         return "any number" if self.capacity is None else f"{self.capacity} people"
 
 
@@ -296,6 +296,8 @@ class Building:
         Exits and areas at which ways end with a cost, each with this time [s].
     jumps : frozenset of Jump
         Ways between levels that take a stated time; travel times count them, and whoever adds one takes people along.
+    north : float, optional
+        Direction of north in plan, counterclockwise from y [degrees]; None if it is not known.
     """
 
     source: Path
@@ -317,6 +319,7 @@ class Building:
     awaited: frozenset[int] = frozenset()
     costs: frozenset[tuple[str, float]] = frozenset()
     jumps: frozenset[Jump] = frozenset()
+    north: float | None = None
 
     def __repr__(self) -> str:
         exits = ", ".join(exit_.name for exit_ in self.exits) or "none"
@@ -406,6 +409,12 @@ class Building:
         """Return the levels of a stair, or of all stairs of a shaft; none if neither has this name."""
         stairs = (name,) if name in self.stairs else self.shafts.get(name, ())
         return tuple(level for stair in stairs for level in self.stairs[stair])
+
+    @property
+    def northward(self) -> FloatArray | None:
+        """Unit vector to the north in plan, (2,), if that is known."""
+        angle = None if self.north is None else np.radians(self.north)
+        return None if angle is None else np.array([-np.sin(angle), np.cos(angle)])
 
     @property
     def condition(self) -> Hashable:

@@ -116,7 +116,8 @@ class Drawing:
             edges += [(tag, (x1, y1, z), (x2, y2, z)) for x1, y1, x2, y2 in ends.tolist()]
         try:
             uses = {room.name: (room.use or "", room.number) for room in plan.rooms if room.is_area}
-            return SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings, self.doors, uses)
+            mesh = SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings, self.doors, uses)
+            return replace(mesh, north=plan.north)
         except ValueError as error:
             self.errors.append(Finding("error", str(error)))
         return None

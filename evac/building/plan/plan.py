@@ -124,6 +124,8 @@ class Plan:
     ----------
     source : str or Path
         Name of the plan in messages.
+    north : float [degrees]
+        Direction of north in plan, counterclockwise from y; None if it is not known.
     headroom : float [m]
         Minimum free height above and below stairs; floors that leave less are cut away. 0 cuts nothing.
 
@@ -153,9 +155,10 @@ class Plan:
     ['ground', 'main flight z=0.00..3.00', 'first']
     """
 
-    def __init__(self, source: str | Path = "<plan>", *, headroom: float = HEADROOM) -> None:
+    def __init__(self, source: str | Path = "<plan>", *, headroom: float = HEADROOM, north: float | None = None) -> None:
         self.source = Path(source)
         self.headroom = self._number("plan", "headroom", headroom, least=0.0)
+        self.north = None if north is None else self._number("plan", "north", north)
         self.storeys: dict[str, Storey] = {}
         self.rooms: list[Room] = []
         self.stairs: list[Stair] = []
@@ -566,6 +569,7 @@ class Plan:
                 "must have exactly one storey and no stairs"
             )
         (taken,) = other.storeys.values()
+        self.north = other.north if self.north is None else self.north
         own = self.storeys[name]
         self.storeys[name] = replace(own, polygons=taken.polygons, file=None, wall=own.wall or taken.wall, options={})
         for kind in ("rooms", "doors", "exits", "openings", "areas", "obstacles"):

@@ -54,6 +54,8 @@ class SurfaceMesh:
         Doors between rooms, which are part of the floor: a name and the ends of the opening.
     uses : mapping of str to (str, float or None)
         Use and number of people of areas, by their names; see `Area`.
+    north : float [degrees]
+        Direction of north in plan, counterclockwise from y; None if it is not known.
     """
 
     points: ArrayLike
@@ -64,6 +66,7 @@ class SurfaceMesh:
     openings: Sequence[tuple[str, ArrayLike]] = ()
     doors: Sequence[tuple[str, ArrayLike]] = ()
     uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)
+    north: float | None = None
 
     @classmethod
     def of_polygons(

@@ -98,7 +98,7 @@ async function start() {
     if (map && !ofNow) maps.find(showLayer);
     if (state.isLayered) {
       const top = map.top ?? maps.ends[layer];
-      stage.setScale(layered(ramp(map), map.isVeiled));
+      stage.setScale(layered(ramp(map), map.isVeiled, layer === AIR[1]));
       if (!isAir) stage.setLayer(density, isNow ? density.bytes : maps.bytes(layer, map, top), map.isVeiled);
       const name = isNow ? "Density" : capital(layer);
       by("layer-legend").innerHTML = `<div class="ends"><span>${name} on the floors</span></div>${bar(onFloor(map, look.floors.slice(0, 3)), map, top, "transparent")}${isAir ? noteOf(aboutAir(layer, about.smoke)) : ""}`;
@@ -262,9 +262,9 @@ async function start() {
     if (airs.includes(state.layer)) stage.setLayer(density, smoke.layer(state.layer, now.frame, people.scaleOf(state.layer, "")), true);
     people.update(now, layout, state.quantity, state.service, state.highlighted, state.selected);
     if (state.isFollowed) goAlong(now);
-    stage.draw(camera, people, { ...look, ...layout.boxInPicture(), layer: state.isLayered ? 1 : 0, isSmoky: state.layer === AIR[0], shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
+    stage.draw(camera, people, { ...look, ...layout.boxInPicture(), layer: state.isLayered ? 1 : 0, isSmoky: state.layer === AIR[0], limit: smoke?.limitOf(state.layer, people) ?? -1, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
     labels.update(camera, building, selectedPlace(), eventPlace(), people, density, wide, tall);
-    updateScale(camera, tall);
+    updateScale(camera, tall, about.northward, state.view === "section");
     if (film) paint(film.page);
     if (!state.isPlaying || began - told > TELL_EVERY) tell(now);
     if (!state.isPlaying) remember();

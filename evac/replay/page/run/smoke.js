@@ -1,7 +1,7 @@
 // Smoke at head height, as codes of extinction coefficients in the cells of a field (evac/replay/motion.py).
 
 const AIR = ["smoke at heads", "visibility"];  // What it gives, of people and on floors.
-const aboutAir = (quantity, { contrast }) => quantity === AIR[1] ? `${contrast} / K, K being the smoke at the mean height of heads` : "At the mean height of heads";
+const aboutAir = (quantity, { contrast, limit }) => (quantity === AIR[1] ? `${contrast} / K, K being the smoke at the mean height of heads` : "At the mean height of heads") + (limit ? `; red line: visibility of ${limit} m, the limit of the case` : "");
 
 class Smoke {
   constructor(bytes, { smoke, building }, frames, density) {
@@ -46,11 +46,15 @@ class Smoke {
     return this.of(quantity, this.extinction[this.states[frame][this.cell(level, x, y)]]);
   }
 
-  // What the layer of a quantity shows: 0 where the floor is seen through thin air, or further than the scale goes.
+  // Where on the scale of a layer the visibility is as short as the limit of the case; nothing without one.
+  limitOf(quantity, people) {
+    return this.limit && AIR.includes(quantity) ? Math.min(1, this.of(quantity, this.contrast / this.limit) / people.scaleOf(quantity, "").top) : null;
+  }
+
+  // What the layer of a quantity shows: 0 where the floor is seen through thin air, the end of the scale where further than that.
   layer(quantity, frame, { top }) {
     const shown = (value) => {
-      const share = this.of(quantity, value) / top;
-      return quantity === "visibility" && share >= 1 ? 0 : Math.max(value > 0 ? 1 : 0, Math.min(255, 255 * share));
+      return Math.max(value > 0 ? 1 : 0, Math.min(255, 255 * this.of(quantity, value) / top));
     };
     const codes = this.states[frame], at = (cell) => this.extinction[codes[cell]];
     for (const [place, cell, right, up, u, v] of this.places) {
