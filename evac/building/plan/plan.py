@@ -155,7 +155,9 @@ class Plan:
     ['ground', 'main flight z=0.00..3.00', 'first']
     """
 
-    def __init__(self, source: str | Path = "<plan>", *, headroom: float = HEADROOM, north: float | None = None) -> None:
+    def __init__(
+        self, source: str | Path = "<plan>", *, headroom: float = HEADROOM, north: float | None = None
+    ) -> None:
         self.source = Path(source)
         self.headroom = self._number("plan", "headroom", headroom, least=0.0)
         self.north = None if north is None else self._number("plan", "north", north)

@@ -1,6 +1,6 @@
 // Names of exits, stairs, storeys and places over the picture.
 
-const SCALE = [-160, -48, 0, 0], NORTH = [-60, -96, 0, 0];  // Left, top, right and bottom of the scale bar, and of the arrow to the north, from the lower right corner [pixels].
+const CORNER = [-200, -56, 0, 0];  // Left, top, right and bottom of the scale bar and the arrow to the north, from the lower right corner [pixels].
 const DIRECTIONS = 16;
 const CELL = 6;  // Side of the parts of the picture that are taken or free [pixels].
 
@@ -68,7 +68,7 @@ class Labels {
     cells.clear(width, height, heightOfTools());
     if (isMoved && this.layout.storey < 0 && !this.layout.isPlan) this.nameStoreys(camera);
     cells.markPeople(camera, people);
-    for (const box of [...(camera.isFlat ? [SCALE] : []), ...(this.record.northward ? [NORTH] : [])]) cells.mark(...box.map((value, i) => value + (i % 2 ? height : width)));
+    if (camera.isFlat || this.record.northward) cells.mark(...CORNER.map((value, i) => value + (i % 2 ? height : width)));
     Object.assign(this.who, { to: selected });
     Object.assign(this.event, { to: event });
     this.shown = [];

@@ -11,7 +11,7 @@ const SLOW_FRAME = 60;  // [ms]
 const TELL_EVERY = 120;  // While it plays, numbers are shown this often, and the density of many people [ms].
 const SHADOWED = 3000;  // So many people have shadows.
 
-const NAME = 20, ROOM_OF_SCALE = 30;  // For names of storeys above plans, and the scale below [pixels].
+const NAME = 20, ROOM_OF_SCALE = 30, ROOM_OF_ARROW = 52;  // For names of storeys above plans, and the scale and the arrow to the north below [pixels].
 
 const following = (all, one) => all[(all.indexOf(one) + 1) % all.length];
 const heightOfTools = () => by("tools").offsetHeight + 20;  // They lie over the picture.
@@ -53,7 +53,7 @@ async function start() {
     camera.isFlat = state.view !== "3d";
     if (camera.isFlat) camera.azimuth = 0;
     camera.fit(layout.corners(), 1.08);
-    const isPlan = state.view === "plan", left = state.storey < 0 && !isPlan ? labels.margin() : 0, top = heightOfTools() + (isPlan ? NAME : 0), bottom = camera.isFlat ? ROOM_OF_SCALE : 0;
+    const isPlan = state.view === "plan", left = state.storey < 0 && !isPlan ? labels.margin() : 0, top = heightOfTools() + (isPlan ? NAME : 0), bottom = about.northward ? ROOM_OF_ARROW : camera.isFlat ? ROOM_OF_SCALE : 0;
     camera.makeRoom(layout.corners(), Math.min(0.3, left / canvas.clientWidth), Math.min(0.3, top / canvas.clientHeight), Math.min(0.15, bottom / canvas.clientHeight));
     redraw();
   }

@@ -21,7 +21,7 @@ class Smoke {
     this.places = [];  // Of the layers: the place, the four cells around it, and how far it is from the first one, as a share of a cell.
     building.levels.forEach((_, level) => {
       const { x, y, nx, ny, left, low } = density.grids[level], [, , columns, rows] = this.grids[level];
-      for (let j = 0; j < ny; j++) for (let i = 0; i < nx; i++) {
+      for (let j = -1; j <= ny; j++) for (let i = -1; i <= nx; i++) {
         const [px, py] = [left + (i + 0.5) * density.cell, low + (j + 0.5) * density.cell], half = this.size / 2;
         const first = this.cell(level, px - half, py - half), column = (first - this.first[level]) % columns, row = Math.floor((first - this.first[level]) / columns);
         const right = column + 1 < columns ? 1 : 0, up = row + 1 < rows ? columns : 0, within = (value) => Math.max(0, Math.min(1, value));
