@@ -104,8 +104,8 @@ def _point(building: Building, place: "PlaceSettings") -> Place:
     level = find_level(building, Placed(level=place.level, z=place.z), point)
     if not shapely.dwithin(level.polygon, point, ON_WALL):
         raise ValueError(f"position: {list(place.position)} is not on level {level.name!r}; move it")
-    shows = {} if place.exit is None else {"exit": place.exit, "range": place.range or SIGN_RANGE}
-    return Place(place.name, place.kind, level.index, point, **shows)
+    seen = 0.0 if place.exit is None else place.range or SIGN_RANGE
+    return Place(place.name, place.kind, level.index, point, exit=place.exit or "", range=seen)
 
 
 def routes_to_places(case: "Case", people: "GroupSettings") -> dict[str, Route]:

@@ -256,9 +256,8 @@ def _draw_scale_bar(figure: Figure, scale: float, size: tuple[float, float], nor
         middle = np.array([right * size[0] + NORTH, 0.22])
         tip, tail = (middle + 0.17 * sign * northward for sign in (1, -1))
         arrow = {"arrowstyle": "-|>", "color": palette.TEXT, "shrinkA": 0.0, "shrinkB": 0.0}
-        axes.annotate("", tip / size, tail / size, arrowprops=arrow)
-        letter = {"ha": "center", "va": "center", "fontsize": 9, "color": palette.TEXT}
-        axes.text(*(middle + [0.24, 0.0]) / size, "N", **letter)
+        axes.annotate("", tuple(tip / size), tuple(tail / size), arrowprops=arrow)
+        axes.text((middle[0] + 0.2) / size[0], low, "N", va="center", fontsize=9, color=palette.TEXT)
 
 
 @dataclass(frozen=True)

@@ -178,9 +178,9 @@ class Pen:
         self.draw.text((end + 0.6 * self.unit, y), f"{length:g} m", palette.TEXT, letters, "lm")
         if north is not None:
             middle, along = np.array([end + 6.5 * self.unit, y]), 1.1 * self.unit * north
-            tip, across = middle + along, 0.35 * np.array([-along[1], along[0]])
-            self.draw.line([tuple(middle - along), tuple(tip - 0.5 * along)], palette.TEXT, wide)
-            head = [tuple(tip), tuple(tip - 0.8 * along + across), tuple(tip - 0.8 * along - across)]
+            point, across = middle + along, 0.35 * np.array([-along[1], along[0]])
+            self.draw.line([tuple(middle - along), tuple(point - 0.5 * along)], palette.TEXT, wide)
+            head = [tuple(point), tuple(point - 0.8 * along + across), tuple(point - 0.8 * along - across)]
             self.draw.polygon(head, palette.TEXT)
             self.draw.text((middle[0] + 1.4 * self.unit, y), "N", palette.TEXT, letters, "lm")
 

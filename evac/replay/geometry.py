@@ -107,7 +107,7 @@ def marks_for_page(building: Building, origin: FloatArray) -> list[dict[str, Any
 
 
 def _place(building: Building, place: Place, origin: FloatArray) -> dict[str, Any]:
-    """Return the middle of a place, and its triangles as points in space; of a sign, a fire or a line, of some width."""
+    """Return the middle of a place, and its triangles as points in space; points and lines have some width."""
     width = WIDTHS.get(place.kind)
     shape = place.shape if width is None else place.shape.buffer(width, quad_segs=1)
     at = on_level(building, place.level, shapely.get_coordinates(shape.representative_point()))

@@ -80,8 +80,8 @@ def test_the_layer_is_seen_where_smoke_is(browser, result):
             f"""(() => {{
               const {{ density, people, smoke, record }} = replay, [ox, oy] = record.origin;
               const bytes = smoke.layer("{name}", record.now.frame, people.scaleOf("{name}", ""));
-              const at = [20, 90].map((x) => bytes[density.node(0, x - ox, 1 - oy)]), scale = people.scaleOf("{name}", "");
-              return [...at, smoke.limitOf("{name}", people) * scale.top];
+              const {{ top }} = people.scaleOf("{name}", ""), at = (x) => bytes[density.node(0, x - ox, 1 - oy)];
+              return [at(20), at(90), smoke.limitOf("{name}", people) * top];
             }})()"""
         )
         assert found[:2] == [pytest.approx(seen, abs=3) for seen in shown]
