@@ -225,6 +225,7 @@ class GeojsonImporter(Importer):
         is_plane = not (are_degrees or (is_small and self.unit == 1.0))
         if self.coordinates == "plane" or (self.coordinates == "auto" and is_plane):
             return lambda shape: shapely.transform(shape, lambda xy: self.unit * xy)
+        plan.north = 0.0
         metres = _metres_per_degree(math.radians(0.5 * (low[1] + high[1])))
         text = f"coordinates are longitude and latitude with the origin {low[0]:.7f}, {low[1]:.7f} (coordinates)"
         plan.note("assumed", text)

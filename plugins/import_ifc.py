@@ -55,6 +55,9 @@ UNUSED = {"IfcTransportElement": "lifts and escalators are not supported"}
 AGGREGATES = re.compile(rb"=\s*IFCRELAGGREGATES\s*\([^;]*?#(\d+)\s*,\s*\(([#\d,\s]*)\)\s*\)\s*;")
 #: The opening and the door or window of a relation; names between quotes cannot hold a reference at the end.
 FILLS = re.compile(rb"=\s*IFCRELFILLSELEMENT\s*\([^;]*?#(\d+)\s*,\s*#(\d+)\s*\)\s*;")
+#: The direction of true north in plan, of the model's context.
+CONTEXT = re.compile(rb"=\s*IFCGEOMETRICREPRESENTATIONCONTEXT\s*\([^;]*,\s*#(\d+)\s*\)\s*;")
+DIRECTION = rb"#%d\s*=\s*IFCDIRECTION\s*\(\s*\(\s*([^,;]+),\s*([^,;)]+)"
 #: Longest name that is used unchanged.
 LONGEST = 30
 #: Largest size of a file in an archive.
@@ -103,7 +106,9 @@ class IfcImporter(Importer):
         bodies = _bodies(read, names, fillings, findings)
         own = {key: value for key, value in self.values().items() if key not in ("library", "time", "product_time")}
         rules = Rules(**own)
-        return plan_of_bodies(path, bodies, list(storeys.values()), rules, findings)
+        plan = plan_of_bodies(path, bodies, list(storeys.values()), rules, findings)
+        plan.north = _north(content)
+        return plan
 
 
 def _content(path: Path) -> bytes:
@@ -122,6 +127,15 @@ def _content(path: Path) -> bytes:
     if b"END-ISO-10303-21" not in content[-1000:]:
         raise ValueError(f"truncated after {len(content)} bytes: END-ISO-10303-21 is missing; export the file again")
     return content
+
+
+def _north(content: bytes) -> float | None:
+    """Return the direction of true north, counterclockwise from y [degrees], if the file tells it."""
+    for context in CONTEXT.findall(content):
+        if given := re.search(DIRECTION % int(context), content):
+            x, y = map(float, given.groups())
+            return round(float(np.degrees(np.arctan2(-x, y))), 6) + 0.0
+    return None
 
 
 def _parts(content: bytes) -> dict[int, int]:

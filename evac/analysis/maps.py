@@ -14,7 +14,6 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Level
 from evac.building.model.cells import Cells
-from evac.building.model.storeys import level_of
 from evac.trajectory.trajectory import Trajectory
 
 #: Least side of a cell [m], greatest number of cells of a level, and greatest radius of the kernel [cells].
@@ -302,7 +301,7 @@ def level_maps(
         if not 0.0 < value < math.inf:
             raise ResultError(f"{name} of a map must be greater than 0, got {value!r}")
     building = trajectory.building
-    chosen = [level_of(building, level) for level in (range(len(building.levels)) if levels is None else levels)]
+    chosen = [building.level_at(level) for level in (range(len(building.levels)) if levels is None else levels)]
     first, last = -math.inf if start is None else start, math.inf if end is None else end
     rows = np.flatnonzero((trajectory.time >= first) & (trajectory.time <= last))
     if not rows.size:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import IntArray
 from evac.base.errors import ResultError
-from evac.building.model.storeys import level_of
 from evac.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -120,7 +119,7 @@ def to_pedpy(trajectory: Trajectory, level: str | int) -> "tuple[pedpy.Trajector
         import pedpy
     except ImportError as error:
         raise ResultError(f"PedPy cannot be imported ({error}); install it with pip install evac[pedpy]") from error
-    shown_level = level_of(trajectory.building, level)
+    shown_level = trajectory.building.level_at(level)
     frames, frame_rate = regular_frames(trajectory)
     rows = []
     for number, k in enumerate(frames.tolist()):

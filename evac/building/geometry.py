@@ -7,7 +7,7 @@ from typing import ParamSpec, TypeVar
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
@@ -81,6 +81,12 @@ def flat_parts(geometry: BaseGeometry) -> BaseGeometry:
 def united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
     """Return the union of polygons on the grid of plans."""
     return flat_parts(shapely.union_all(polygons, grid_size=GRID))
+
+
+def rounded(points: ArrayLike) -> FloatArray:
+    """Return coordinates on the grid of plans."""
+    exact: FloatArray = np.asarray(points, np.float64)
+    return exact.round(6) + 0.0
 
 
 def cut(geometry: BaseGeometry, away: BaseGeometry) -> BaseGeometry:

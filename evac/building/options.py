@@ -94,6 +94,9 @@ class BuildingOptions(SurfaceOptions):
     exits: tuple[ExitLine, ...] = key("exits in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
     areas: tuple[Outline, ...] = key("start areas in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
     obstacles: tuple[Outline, ...] = key("obstacles in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
+    north: Real | None = key(
+        "direction of north in plan, counterclockwise from y; by default that of the file, if it tells it", "deg", None
+    )
     missing: tuple[str, ...] = key("what an incomplete import lacks; every run reports it as a quality warning", "", ())
     closed: tuple[str, ...] = key(
         "exits, portals, stairs and doors, by name, that are closed for the whole run", "", ()

@@ -443,18 +443,19 @@ class PlaceSettings(Table):
     """`[[place]]`: an area with a task in the evacuation."""
 
     name: Name = key("name of the place")
-    kind: Literal["refuge", "assembly", "sign"] = key(
+    kind: Literal["refuge", "assembly", "sign", "fire"] = key(
         "refuge: people whose group has `steepest` or `turns = false`, and who have no way out that they fit through, "
         "go there and stay; assembly: destination of groups that name it in `assembly`, or that an event sends there; "
-        "sign: shows people the way to an exit, if a behaviour such as `familiarity` follows signs"
+        "sign: shows people the way to an exit, if a behaviour such as `familiarity` follows signs; fire: where it "
+        "burns, as pictures show it"
     )
     area: str | None = key("name of the area of the building, for a refuge or assembly area", "", None)
     capacity: Whole | None = key(
         "greatest number of people; if not given, there is no limit", "", None, ge=1, le=MOST_PEOPLE
     )
-    position: Point | None = key("position of a sign [x, y], about 0.1 m in front of its wall", "m", None)
-    z: Coordinate | None = key("height of the floor under a sign; this or `level`", "m", None)
-    level: str | None = key("name of the level of a sign; this or `z`", "", None)
+    position: Point | None = key("position of a sign [x, y], about 0.1 m in front of its wall, or of a fire", "m", None)
+    z: Coordinate | None = key("height of the floor under a sign or a fire; this or `level`", "m", None)
+    level: str | None = key("name of the level of a sign or a fire; this or `z`", "", None)
     exit: str | None = key("name of the exit that a sign shows", "", None)
     range: Annotated[Real, Field(gt=0, le=1000)] | None = key(
         f"distance from which a sign is seen; if not given, {SIGN_RANGE:g} m. In EN 1838 it is 200 times the height "
@@ -465,16 +466,16 @@ class PlaceSettings(Table):
 
     @model_validator(mode="after")
     def _of_its_kind(self) -> Self:
-        own = ("position", "exit") if self.kind == "sign" else ("area",)
-        others = ("area", "capacity") if self.kind == "sign" else ("position", "exit", "level", "z", "range")
-        for name in own:
-            if getattr(self, name) is None:
+        kinds = {"sign": ("position", "exit", "level", "z", "range"), "fire": ("position", "level", "z")}
+        known = kinds.get(self.kind, ("area", "capacity"))
+        for name in ("position", "exit", "area"):
+            if name in known and getattr(self, name) is None:
                 raise wrong(name, f"missing; a place of kind {self.kind} needs it")
-        for name in others:
-            if getattr(self, name) is not None:
+        for name in ("area", "capacity", *kinds["sign"]):
+            if name not in known and getattr(self, name) is not None:
                 raise wrong(name, f"a place of kind {self.kind} has no {name}; remove it")
-        if self.kind == "sign":
-            check_level("the level of the sign", self.level, self.z)
+        if self.kind in kinds:
+            check_level(f"the level of the {self.kind}", self.level, self.z)
         return self
 
 

@@ -161,13 +161,12 @@ def _show(made: "Imported") -> None:
     from collections import Counter
 
     from evac.building.model.findings import KINDS, account, and_more, grouped
-    from evac.building.model.storeys import storeys
     from evac.cli.screen import say, show_facts, show_table, show_warnings
     from evac.importing.documents import MOST_OPENINGS, opening_row
     from evac.importing.importing import PICTURE, PLAN, REPORT
 
     building = made.building
-    floors = [own for _, levels in storeys(building) if (own := [level for level in levels if level.kind == "floor"])]
+    floors = [own for _, levels in building.storeys if (own := [level for level in levels if level.kind == "floor"])]
     named = {own[0].name.partition(" z=")[0] for own in floors}  # a storey of two heights has two floors
     area = sum(level.polygon.area for own in floors for level in own)
     full = [room.number for room in made.rooms if room.number]

@@ -14,7 +14,6 @@ from evac.base.parameters import did_you_mean
 from evac.base.saved import Bounds, Saved
 from evac.building.model.building import Area, Building
 from evac.building.model.cells import LevelField
-from evac.building.model.storeys import storeys
 from evac.conditions.dose import dose_rates, irritant_concentration, irritant_scale
 from evac.conditions.source import IRRITANTS, QUANTITIES
 from evac.physics.state import Crowd
@@ -77,7 +76,7 @@ def compartments_of(case: "Case", building: Building) -> list[Compartment]:
             found.append(Compartment(one.name, levels, stairs, areas, without, one.everybody, limits, share))
         return found
     limits, share = _limits(case, f"{case.source}: safety", case.safety)
-    floors = {name: {level.index for level in levels if level.stair is None} for name, levels in storeys(building)}
+    floors = {name: {level.index for level in levels if level.stair is None} for name, levels in building.storeys}
     parts = [(name, own, frozenset[int]()) for name, own in floors.items()]
     parts += [(name, set(own), frozenset(own)) for name, own in building.stairs.items()]
     return [

@@ -15,7 +15,6 @@ from evac.building.model.building import Building, Level
 from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding, numbered
 from evac.building.model.links import isolated_parts, levels_reaching
-from evac.building.model.storeys import storeys
 from evac.people.starts import divided, left_out
 
 #: Least width of an opening [m].
@@ -197,7 +196,7 @@ def with_missing(building: Building, findings: Sequence[Finding]) -> list[Findin
     if not building.exits:
         return list(findings)
     reached = levels_reaching(building, building.exits)
-    floors = [own for _, levels in storeys(building) if (own := [level for level in levels if level.kind == "floor"])]
+    floors = [own for _, levels in building.storeys if (own := [level for level in levels if level.kind == "floor"])]
     ground = sum(level.polygon.area for own in floors for level in own)
     lost = [level for own in floors for level in own if level.index not in reached]
     if sum(level.polygon.area for level in lost) <= NEGLIGIBLE * ground:

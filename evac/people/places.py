@@ -65,7 +65,7 @@ def with_places(case: "Case", building: Building) -> Building:
     places, problems = list[Place](), list[str]()
     for one in case.place:
         try:
-            places.append(_sign(building, one) if one.kind == "sign" else _area(building, one))
+            places.append(_area(building, one) if one.area is not None else _point(building, one))
         except ValueError as error:
             problems.append(f"{case.source}: place.{one.name}.{error}")
     for line in case.line:
@@ -96,16 +96,16 @@ def _area(building: Building, place: "PlaceSettings") -> Place:
     return Place(place.name, place.kind, area.level, area.polygon, place.area, place.capacity)
 
 
-def _sign(building: Building, place: "PlaceSettings") -> Place:
+def _point(building: Building, place: "PlaceSettings") -> Place:
     assert place.position is not None
-    assert place.exit is not None
     exits, point = [exit_.name for exit_ in building.exits], shapely.Point(place.position)
-    if place.exit not in exits:
+    if place.exit is not None and place.exit not in exits:
         raise ValueError(f"exit: no exit is named {place.exit!r}; {did_you_mean(place.exit, exits)}")
     level = find_level(building, Placed(level=place.level, z=place.z), point)
     if not shapely.dwithin(level.polygon, point, ON_WALL):
         raise ValueError(f"position: {list(place.position)} is not on level {level.name!r}; move it")
-    return Place(place.name, place.kind, level.index, point, exit=place.exit, range=place.range or SIGN_RANGE)
+    seen = 0.0 if place.exit is None else place.range or SIGN_RANGE
+    return Place(place.name, place.kind, level.index, point, exit=place.exit or "", range=seen)
 
 
 def routes_to_places(case: "Case", people: "GroupSettings") -> dict[str, Route]:
@@ -174,7 +174,7 @@ class Places(Saved):
     saved = ("_before", "_meant", "_sent", "_is_brought", "_since", "arrived")
 
     def __init__(self, case: "Case", building: Building, routes: Sequence[Route], crowd: Crowd) -> None:
-        self._places = tuple(place for place in building.places if place.kind not in ("sign", "line"))
+        self._places = tuple(place for place in building.places if place.area)
         self._crowd = crowd
         self._index = {place.name: index for index, place in enumerate(self._places)}
         self._is_assembly = np.array([place.kind == "assembly" for place in self._places], dtype=np.bool_)

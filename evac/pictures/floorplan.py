@@ -20,7 +20,6 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Exit, Level, Place, Portal
 from evac.building.model.marks import marks_of
-from evac.building.model.storeys import level_of, storeys
 from evac.pictures import palette
 from evac.pictures.view import View
 from evac.pictures.writing import legible_figure, round_length
@@ -28,6 +27,8 @@ from evac.pictures.writing import legible_figure, round_length
 #: Greatest width and height of all plans together, and the margin around them [inches].
 WIDTH, HEIGHT = 10.0, 7.0
 MARGIN, TITLE, HEAD, BAR, SIDE = 0.3, 0.75, 0.3, 0.45, 1.3
+MARKERS = {"sign": ("s", 5.0), "fire": ("*", 14.0)}  # of places that are points, and their sizes [points]
+NORTH = 0.85  # from the scale bar to the arrow to the north [inches]
 
 
 @dataclass(frozen=True)
@@ -58,16 +59,16 @@ def draw_plans(
     """Draw the plan of each storey, with walls, exits and their names, and a scale bar.
 
     `title`: the first line is bold. With None, no space is left for a title; `levels`: levels by name or index, each in
-    its own plan; by default all levels, grouped by storey (`evac.building.model.storeys.storeys`); `is_filled`: whether
+    its own plan; by default all levels, grouped by storey (`Building.storeys`); `is_filled`: whether
     floors are filled with the colours of their kinds; maps fill them themselves; `side`: width of the space at the
     right for a legend or a colour bar [inches]; `has_widths`: whether the widths of portals and exits are written
     beside them; `greatest`: greatest width and height of all plans together [inches]; `part`: which of the plans,
     counted from the lowest storey.
     """
     if levels is None:
-        panels = [(name, tuple(shown)) for name, shown in storeys(building)]
+        panels = [(name, tuple(shown)) for name, shown in building.storeys]
     else:
-        panels = [(shown.name, (shown,)) for shown in (level_of(building, level) for level in levels)]
+        panels = [(shown.name, (shown,)) for shown in (building.level_at(level) for level in levels)]
     panels = panels[part]
     # All plans have the same limits, so that places above one another have the same position in each.
     x1, y1, x2, y2 = shapely.total_bounds([level.polygon for _, shown in panels for level in shown]).tolist()
@@ -93,7 +94,7 @@ def draw_plans(
     if title is not None:
         _write_title(figure, title, size)
     if has_scale_bar:
-        _draw_scale_bar(figure, scale, size)
+        _draw_scale_bar(figure, scale, size, building.northward)
     room = 1.0 - (side - 0.2) / size[0], BAR / size[1], (side - 0.3) / size[0], rows * cell[1] / size[1]
     return Plans(figure, tuple(axes), tuple(shown for _, shown in panels), tuple(names), room)
 
@@ -166,10 +167,12 @@ def _draw_conditions(axes: Axes, building: Building, rows: Sequence[int]) -> Non
 
 
 def _draw_place(axes: Axes, place: Place) -> None:
-    """Draw a refuge, an assembly area or a line with its name, or a sign with the exit that it shows."""
+    """Draw a refuge, an assembly area, a line or a fire with its name, or a sign with the exit that it shows."""
     colour, middle = palette.PLACES[place.kind], place.shape.representative_point()
-    if place.kind == "sign":
-        axes.plot(middle.x, middle.y, marker="s", markersize=5.0, color=colour, zorder=5)
+    is_point = place.kind in MARKERS
+    if is_point:
+        marker, size = MARKERS[place.kind]
+        axes.plot(middle.x, middle.y, marker=marker, markersize=size, color=colour, zorder=5)
     elif place.kind == "line":
         axes.plot(*place.shape.xy, color=colour, linewidth=1.4, linestyle=(0, (4, 1.5)), zorder=5)
     else:
@@ -178,10 +181,10 @@ def _draw_place(axes: Axes, place: Place) -> None:
     axes.annotate(
         str(place),
         (middle.x, middle.y),
-        xytext=(0.0, -5.0 if place.kind == "sign" else 0.0),
+        xytext=(0.0, -5.0 if is_point else 0.0),
         textcoords="offset points",
         ha="center",
-        va="top" if place.kind == "sign" else "center",
+        va="top" if is_point else "center",
         color=colour,
         fontsize=7.5,
         zorder=6,
@@ -237,8 +240,8 @@ def _write_title(figure: Figure, title: str, size: tuple[float, float]) -> None:
     figure.text(MARGIN / size[0], 1.0 - 0.38 / size[1], rest, fontsize=9.5, **style)
 
 
-def _draw_scale_bar(figure: Figure, scale: float, size: tuple[float, float]) -> None:
-    """Draw a bar of a round length of about an inch."""
+def _draw_scale_bar(figure: Figure, scale: float, size: tuple[float, float], northward: FloatArray | None) -> None:
+    """Draw a bar of a round length of about an inch, and an arrow to the north if that is known."""
     length = round_length(1.2 / scale)
     left, low = MARGIN / size[0], 0.22 / size[1]
     right = left + length * scale / size[0]
@@ -249,6 +252,12 @@ def _draw_scale_bar(figure: Figure, scale: float, size: tuple[float, float]) -> 
     for end in (left, right):
         axes.plot([end, end], [low - 0.05 / size[1], low + 0.05 / size[1]], color=palette.TEXT, linewidth=1.2)
     axes.text(right + 0.08 / size[0], low, f"{length:g} m", va="center", fontsize=9, color=palette.TEXT)
+    if northward is not None:
+        middle = np.array([right * size[0] + NORTH, 0.22])
+        tip, tail = (middle + 0.17 * sign * northward for sign in (1, -1))
+        arrow = {"arrowstyle": "-|>", "color": palette.TEXT, "shrinkA": 0.0, "shrinkB": 0.0}
+        axes.annotate("", tuple(tip / size), tuple(tail / size), arrowprops=arrow)
+        axes.text((middle[0] + 0.2) / size[0], low, "N", va="center", fontsize=9, color=palette.TEXT)
 
 
 @dataclass(frozen=True)
@@ -302,4 +311,5 @@ def plan_view(building: Building, size: tuple[int, int], levels: Sequence[str | 
         labels=(),
         outlines=(),
         side=box,
+        north=None if building.northward is None else building.northward * [1.0, -1.0],
     )

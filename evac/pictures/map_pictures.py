@@ -19,7 +19,6 @@ from matplotlib.transforms import Bbox
 from evac.analysis.lines import LineFlow
 from evac.analysis.maps import QUANTITIES, LevelMaps, level_maps
 from evac.base.arrays import FloatArray, IntArray
-from evac.building.model.storeys import storeys
 from evac.folder.files import map_name, writing
 from evac.pictures import palette
 from evac.pictures.floorplan import HEIGHT, WIDTH, Plans, draw_levels, draw_plans, outline_of
@@ -138,7 +137,7 @@ def draw_cut(
     axes.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach), aspect="equal")
     axes.set(xticks=[], yticks=[])
     building = trajectory.building_at(next(iter(maps.values())).end)
-    shown = next(levels for _, levels in storeys(building) if level in [own.name for own in levels])
+    shown = next(levels for _, levels in building.storeys if level in [own.name for own in levels])
     draw_levels(axes, building, shown, is_filled=False, has_widths=False)
     for text in axes.texts:
         text.set(annotation_clip=True, clip_on=True, clip_box=axes.bbox)  # nothing over the colour bar

@@ -24,7 +24,7 @@ WALL, EDGE, TEXT, FURNITURE = "#c3cad3", "#6b7785", "#1f2933", "#d9bf9b"
 EXIT, CLOSED, PORTAL = "#0b7a3c", "#b3261e", "#6b7785"
 
 #: Colours of the places of a case, by their kinds.
-PLACES = {"refuge": "#1f5fa8", "assembly": EXIT, "sign": EXIT, "line": "#7a3b9c"}
+PLACES = {"refuge": "#1f5fa8", "assembly": EXIT, "sign": EXIT, "line": "#7a3b9c", "fire": "#c2410c"}
 
 
 #: Colours of verdicts, by their status.

@@ -13,7 +13,6 @@ from PIL import Image, ImageDraw
 from evac.base.errors import ResultError
 from evac.building.model.building import Building
 from evac.building.model.elevation import on_level
-from evac.building.model.storeys import level_of
 from evac.folder.files import replacing
 from evac.pictures.palette import DEPTH, LEVELS, SMOKE, rgb
 from evac.pictures.pawns import draw_people
@@ -179,7 +178,7 @@ class Renderer:
             return plan_view(building, self._size, self._levels, 1.6 if self._has_legend else 0.3)
         from evac.pictures.scene import LEGEND_WIDTH, MARGIN, view_of
 
-        chosen = [level_of(building, level) for level in self._levels] if self._levels is not None else building.levels
+        chosen = [building.level_at(level) for level in self._levels] if self._levels is not None else building.levels
         margin = MARGIN | {"right": MARGIN["right"] + LEGEND_WIDTH if self._has_legend else MARGIN["left"]}
         if self._letters:
             names = [level.name for level in chosen if level.kind == "floor"]
@@ -198,7 +197,7 @@ class Renderer:
             pen.colour_bar(view.side, colours.scale, colours.top)
         elif self._has_legend:
             pen.legend(view.side, [(legible(name, self.names), look) for name, look in colours.legend])
-        pen.scale_bar(view.scale)
+        pen.scale_bar(view.scale, view.north)
         if self._smoke is not None:
             pen.swatches("smoke at the mean height of heads [1/m]", self._smoke.scale())
         return np.array(picture)

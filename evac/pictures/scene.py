@@ -23,7 +23,7 @@ WALL_HEIGHT, EXIT_HEIGHT = 0.45, 0.9  # [m], low enough not to hide people
 FLOOR_OPACITY = 0.8  # of floors with storeys below
 MARK_OPACITY = {"slow": 0.15, "barred": 0.35, "one_way": 1.0}
 PLACE_OPACITY = 0.3  # of refuges and assembly areas
-SIGN = 0.15  # radius of the disc of a sign [m]
+DISCS = {"sign": 0.15, "fire": 0.6}  # radii of the discs of signs and fires [m]
 ABOVE = 0.03  # height of marks above the ground [m]
 MARGIN = {"left": 0.08, "right": 0.03, "top": 0.12, "bottom": 0.08}  # for text, as shares of the picture
 LEGEND_WIDTH = 0.16
@@ -135,6 +135,7 @@ class _Scene:
                 (self._colour_of(exit_), corners[:, :2]) for exit_ in exits for corners in self._strips(exit_)
             ),
             side=self.side,
+            north=None if building.northward is None else self.project.axes[:2, :2] @ building.northward * [1.0, -1.0],
         )
 
     def close(self) -> None:
@@ -183,9 +184,9 @@ class _Scene:
                 line = shapely.get_coordinates(place.shape).reshape(1, 4)
                 self._add_ribbon(line, place.level, colour, ABOVE)
             else:
-                shape = shapely.buffer(place.shape, SIGN) if place.kind == "sign" else place.shape
-                opacity = 1.0 if place.kind == "sign" else PLACE_OPACITY
-                self._add_flat(place.level, shape, colour, opacity)
+                is_point = place.kind in DISCS
+                shape = shapely.buffer(place.shape, DISCS[place.kind]) if is_point else place.shape
+                self._add_flat(place.level, shape, colour, 1.0 if is_point else PLACE_OPACITY)
 
     def _places(self) -> list[Place]:
         return [place for place in self.building.places if place.level in self.rows]
@@ -256,8 +257,8 @@ class _Scene:
         """Return the name of a place or a line, or the exit that a sign shows."""
         middle = np.array(place.shape.representative_point().coords)
         here = self._seen(place.level, middle)[0, :2]
-        down = np.array([0.0, 0.01 * self.size[1] if place.kind == "sign" else 0.0])
-        return Label(str(place), here + down, "ma" if place.kind == "sign" else "mm", PLACES[place.kind])
+        down = np.array([0.0, 0.01 * self.size[1] if place.kind in DISCS else 0.0])
+        return Label(str(place), here + down, "ma" if place.kind in DISCS else "mm", PLACES[place.kind])
 
 
 @contextmanager

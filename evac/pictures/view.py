@@ -49,6 +49,7 @@ class View:
     labels: tuple[Label, ...]  # names of floors and exits
     # tuple of (colour, (p, 2) float64): closed lines drawn over people: exits
     outlines: tuple[tuple[str, FloatArray], ...]
+    north: FloatArray | None  # (2,) direction to the north in the picture, right and down, as seen; None: not known
     side: tuple[int, int, int, int]  # left, top, right and bottom of the space for a legend [pixels]
 
 

@@ -165,8 +165,8 @@ class Pen:
         for k, line in enumerate([*([f"[{scale.unit}]"] if scale.unit else []), scale.label]):
             self.draw.text((left, high - (0.8 + 1.3 * k) * self.unit), line, palette.TEXT, letters, "ls")
 
-    def scale_bar(self, scale: float) -> None:
-        """Draw a scale bar of a round length at `scale` pixels per metre."""
+    def scale_bar(self, scale: float, north: FloatArray | None) -> None:
+        """Draw a scale bar of a round length at `scale` pixels per metre, and an arrow along `north` if it is known."""
         length = round_length(9.0 * self.unit / scale)
         x, y, up = 1.2 * self.unit, self.height - 1.3 * self.unit, 0.3 * self.unit
         end = x + length * scale
@@ -174,7 +174,15 @@ class Pen:
         self.draw.line([(x, y), (end, y)], palette.TEXT, wide)
         for tip in (x, end):
             self.draw.line([(tip, y - up), (tip, y + up)], palette.TEXT, wide)
-        self.draw.text((end + 0.6 * self.unit, y), f"{length:g} m", palette.TEXT, font(round(0.95 * self.unit)), "lm")
+        letters = font(round(0.95 * self.unit))
+        self.draw.text((end + 0.6 * self.unit, y), f"{length:g} m", palette.TEXT, letters, "lm")
+        if north is not None:
+            middle, along = np.array([end + 6.5 * self.unit, y]), 1.1 * self.unit * north
+            point, across = middle + along, 0.35 * np.array([-along[1], along[0]])
+            self.draw.line([tuple(middle - along), tuple(point - 0.5 * along)], palette.TEXT, wide)
+            head = [tuple(point), tuple(point - 0.8 * along + across), tuple(point - 0.8 * along - across)]
+            self.draw.polygon(head, palette.TEXT)
+            self.draw.text((middle[0] + 1.4 * self.unit, y), "N", palette.TEXT, letters, "lm")
 
     def swatches(self, words: str, steps: Sequence[tuple[str, tuple[int, ...]]]) -> None:
         """Draw fields of colours, each with its text, at the lower right, and words above them."""

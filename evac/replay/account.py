@@ -15,7 +15,6 @@ from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.distributions import as_text
 from evac.building.model.building import Building
-from evac.building.model.storeys import storeys
 from evac.folder.files import PEOPLE_NAME, SUMMARY_NAME
 from evac.pictures import palette
 from evac.replay.motion import MotionPacker
@@ -51,6 +50,7 @@ class Account:
     verdict: Verdict | None = None
     safety: Mapping[str, Any] | None = None  # as summary.json has it
     margins: Sequence[LeastMargin] = ()  # the least ones
+    visibility: float | None = None  # of the criteria of the case, the greatest [m]
 
 
 def account_of_run(results: Results, error: BaseException | None = None) -> Account:
@@ -99,6 +99,8 @@ def _of_summary(results: Results, error: BaseException | None) -> dict[str, Any]
     left = people - results.evacuated - sum(len(place.people) for place in results.places)
     ended = results.ended if error is None else FAILED
     step = case.simulation.get("step")
+    criteria = (results.settings.get("safety") or {}, *results.settings.get("compartment", ()))
+    limits = [one["visibility"] for one in criteria if one.get("visibility")]
     facts = [
         ("Building", case.building.mesh),
         ("People", f"{people}, of whom {results.evacuated} got out"),
@@ -120,6 +122,7 @@ def _of_summary(results: Results, error: BaseException | None) -> dict[str, Any]
         "quality_warnings": results.quality_warnings,
         "verdict": results.verdict,
         "safety": results.safety,
+        "visibility": max(limits, default=None),
         "banner": _banner(ended, results.time, left, people, error),
     }
 
@@ -190,7 +193,7 @@ def poster(motion: MotionPacker, group: IntArray) -> str:
     `motion`: with at least one state; `group` (n,): group of each person, -1 for none.
     """
     building = motion.building
-    of = storeys(building)
+    of = building.storeys
     storey_of = {level.index: storey for storey, (_, levels) in enumerate(of) for level in levels}
     low, high = np.array(shapely.total_bounds([level.polygon for level in building.levels])).reshape(2, 2)
     cell = high - low + max(GAP * float((high - low).max()), LEAST_GAP)

@@ -19,11 +19,8 @@ from evac.replay.motion import GRAIN, is_even, level_plane
 #: Greatest number of cells of the maps of all levels, and along x on one of them: a texture has no more.
 MOST_CELLS, MOST_COLUMNS = 1_000_000, 4000
 
-#: Half the diagonal of the square on the floor that stands for a sign [m].
-SIGN = 0.3
-
-#: Half of the width of a line on the page [m].
-THIN = 0.06
+#: Half the diagonal of the square on the floor that stands for a sign or a fire, and half of the width of a line [m].
+WIDTHS = {"sign": 0.3, "fire": 0.8, "line": 0.06}
 
 
 def building_for_page(building: Building, origin: FloatArray) -> tuple[dict[str, Any], NDArray[np.uint8]]:
@@ -110,8 +107,8 @@ def marks_for_page(building: Building, origin: FloatArray) -> list[dict[str, Any
 
 
 def _place(building: Building, place: Place, origin: FloatArray) -> dict[str, Any]:
-    """Return the middle of a place, and its triangles as points in space; of a sign or a line, of some width."""
-    width = {"sign": SIGN, "line": THIN}.get(place.kind)
+    """Return the middle of a place, and its triangles as points in space; points and lines have some width."""
+    width = WIDTHS.get(place.kind)
     shape = place.shape if width is None else place.shape.buffer(width, quad_segs=1)
     at = on_level(building, place.level, shapely.get_coordinates(shape.representative_point()))
     return {

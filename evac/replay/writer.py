@@ -66,7 +66,8 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
         "pace": PACE,
         "longest_wait": motion.longest_wait,
         "part": PART,
-        "smoke": _smoke(motion),
+        "smoke": _smoke(motion, account.visibility),
+        "northward": None if motion.building.northward is None else motion.building.northward.tolist(),
     }
     text = json.dumps(about, separators=(",", ":"), allow_nan=False)
     names = sorted(
@@ -190,12 +191,13 @@ def _longest(motion: MotionPacker, queue: Queue | None) -> dict[str, Any] | None
     return {"time": queue.time, "text": text, "at": {"level": level.index, "x": x, "y": y}}
 
 
-def _smoke(motion: MotionPacker) -> dict[str, Any] | None:
-    """Return the cells of the field of smoke: left and lower edge [m] and numbers along x and y of each level."""
+def _smoke(motion: MotionPacker, limit: float | None) -> dict[str, Any] | None:
+    """Return the cells of the field of smoke, left and lower edge [m] and numbers of each level, and a limit [m]."""
     if motion.field is None:
         return None
     grids = [[*(cells.origin - motion.origin).tolist(), *cells.shape[::-1]] for cells in motion.field.cells]
-    return {"size": motion.field.spacing, "grids": grids, "depth": palette.DEPTH, "contrast": motion.contrast}
+    about = {"depth": palette.DEPTH, "contrast": motion.contrast, "limit": limit}
+    return {"size": motion.field.spacing, "grids": grids, **about}
 
 
 def _scale(scale: Scale) -> dict[str, Any]:

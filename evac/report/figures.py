@@ -19,7 +19,6 @@ from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import counted
 from evac.building.model.building import Building
-from evac.building.model.storeys import storeys
 from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
 from evac.pictures.floorplan import draw_plans
@@ -100,7 +99,7 @@ def plans(building: Building) -> list[Picture]:
     )
     if building.places:
         caption += " Blue areas: refuges; green areas: assembly areas; green squares: signs, with their exits."
-    parts = [slice(first, first + TOGETHER) for first in range(0, len(storeys(building)), TOGETHER)]
+    parts = [slice(first, first + TOGETHER) for first in range(0, len(building.storeys), TOGETHER)]
     drawn = [levels_figure(building, title=None, greatest=PLANS, part=part) for part in parts]
     captions = [caption, *("Plans of the storeys above them." for _ in parts[1:])]
     return [drawing(figure, words, "plans", "plans") for figure, words in zip(drawn, captions, strict=True)]

@@ -56,6 +56,7 @@ def building_to_json(building: Building) -> dict[str, Any]:
         "stairs": {name: list(levels) for name, levels in building.stairs.items()},
         "warnings": list(building.warnings),
         "closed": sorted(building.closed),
+        "north": building.north,
     }
 
 
@@ -87,5 +88,6 @@ def building_from_json(data: Mapping[str, Any]) -> Building:
         stairs={name: tuple(levels) for name, levels in data["stairs"].items()},
         findings=as_findings(tuple(data["warnings"])),
         closed=frozenset(data["closed"]),
+        north=data.get("north"),
         **parts,
     )

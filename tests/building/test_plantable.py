@@ -30,12 +30,15 @@ def everything():
 
 
 def test_a_table_makes_the_same_plan():
-    table = table_of(everything())
+    plan = everything()
+    plan.north = -12.5
+    table = table_of(plan)
     again = plan_of(table, Path("<plan>"), Path("."))
     assert table_of(again) == table
     one, other = everything().building(), again.building()
     assert np.array_equal(one.vertices, other.vertices)
     assert np.array_equal(one.walls, other.walls)
+    assert (other.north, again.building(north=90.0).north) == (-12.5, 90.0)
     assert [level.name for level in one.levels] == [level.name for level in other.levels]
     assert [way.name for way in one.exits] == [way.name for way in other.exits] == ["door", "ramp"]
     assert [area.polygon.area for area in one.areas] == [area.polygon.area for area in other.areas]

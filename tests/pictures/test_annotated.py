@@ -5,7 +5,6 @@ import shapely
 
 from evac import Plan
 from evac.building.model.findings import Finding
-from evac.building.model.storeys import storeys
 from evac.pictures.annotated import Mark, draw_levels, panel_of
 
 
@@ -21,7 +20,7 @@ def building():
 
 
 def test_floors_at_one_height_are_a_storey_with_the_stairs_up_from_it(building):
-    names = [[level.name for level in own] for _, own in storeys(building)]
+    names = [[level.name for level in own] for _, own in building.storeys]
     assert names == [["ground", "main flight z=0.00..3.00"], ["first"], ["gallery"]]
 
 
@@ -33,7 +32,7 @@ def test_a_finding_is_marked_on_its_storey(building, level, place, panel):
     assert (
         panel_of(
             building,
-            [[level.index for level in own] for _, own in storeys(building)],
+            [[level.index for level in own] for _, own in building.storeys],
             Finding("warning", "odd", level, place),
         )
         == panel

@@ -49,6 +49,15 @@ def house(ifc, *, storeys=1, spaces=True, hole=None):
     return ifc
 
 
+def test_true_north(tmp_path):
+    ifc = house(IfcFile())
+    assert plan_of(ifc.write(tmp_path / "a.ifc")).north is None
+    north = ifc.add("IFCDIRECTION((0.5,0.8660254))")
+    context = f"IFCGEOMETRICREPRESENTATIONCONTEXT($,'Model',3,1.E-5,{ifc.axes},"
+    (tmp_path / "b.ifc").write_text(ifc.text().replace(f"{context}$)", f"{context}{north})"))
+    assert building_of(tmp_path / "b.ifc").north == pytest.approx(-30.0)
+
+
 @pytest.mark.parametrize("spaces", [True, False])
 @pytest.mark.parametrize("unit", ["METRE", "MILLI"])
 def test_rooms_doors_and_exits(tmp_path, spaces, unit):

@@ -72,7 +72,7 @@ def test_the_verdict_opens_the_page_and_the_least_margins_lead_to_people(browser
 def test_the_layer_is_seen_where_smoke_is(browser, result):
     browser.open(result.trajectory.path.with_name("replay.html"))
     assert browser.run("document.getElementById('layer').value") == "smoke at heads"  # as it opens
-    for name, is_shown in (("smoke at heads", [True, False]), ("visibility", [True, False])):
+    for name, shown, limit in (("smoke at heads", [255, 0], 0.8), ("visibility", [17, 255], 10.0)):
         browser.run(f"replay.act.layer('{name}')")
         browser.run("replay.act.seek(12)")
         browser.settle()
@@ -80,10 +80,12 @@ def test_the_layer_is_seen_where_smoke_is(browser, result):
             f"""(() => {{
               const {{ density, people, smoke, record }} = replay, [ox, oy] = record.origin;
               const bytes = smoke.layer("{name}", record.now.frame, people.scaleOf("{name}", ""));
-              return [20, 90].map((x) => bytes[density.node(0, x - ox, 1 - oy)]);
+              const {{ top }} = people.scaleOf("{name}", ""), at = (x) => bytes[density.node(0, x - ox, 1 - oy)];
+              return [at(20), at(90), smoke.limitOf("{name}", people) * top];
             }})()"""
         )
-        assert [value > 0 for value in found] == is_shown
+        assert found[:2] == [pytest.approx(seen, abs=3) for seen in shown]
+        assert found[2] == pytest.approx(limit)  # where the visibility is 10 m, with a contrast of 8
 
 
 def test_a_run_without_conditions_has_neither(browser, storeys):

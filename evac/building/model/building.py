@@ -12,6 +12,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.errors import ResultError
+from evac.base.parameters import did_you_mean
 from evac.building.model.findings import Finding, warnings_of
 
 if TYPE_CHECKING:
@@ -213,12 +215,12 @@ class Place:
     ----------
     name : str
     kind : str
-        "refuge", "assembly" or "sign"; or "line", through which people are counted.
+        "refuge", "assembly", "sign" or "fire"; or "line", through which people are counted.
     level : int
     shape : shapely polygon or multipolygon, point or line
-        In plan [m]; a point for signs.
+        In plan [m]; a point for signs and fires.
     area : str
-        Name of the area; empty for signs.
+        Name of the area; empty for signs and fires.
     capacity : int, optional
         Greatest number of people in an area; None: any.
     exit : str
@@ -245,8 +247,8 @@ class Place:
         """How many people there is room for, or from where a sign is seen."""
         if self.kind == "sign":
             return f"seen from {self.range:g} m"
-        if self.kind == "line":
-            return "people who pass are counted"
+        if self.kind in ("line", "fire"):
+            return "people who pass are counted" if self.kind == "line" else "it burns"
         return "any number" if self.capacity is None else f"{self.capacity} people"
 
 
@@ -294,6 +296,8 @@ class Building:
         Exits and areas at which ways end with a cost, each with this time [s].
     jumps : frozenset of Jump
         Ways between levels that take a stated time; travel times count them, and whoever adds one takes people along.
+    north : float, optional
+        Direction of north in plan, counterclockwise from y [degrees]; None if it is not known.
     """
 
     source: Path
@@ -315,6 +319,7 @@ class Building:
     awaited: frozenset[int] = frozenset()
     costs: frozenset[tuple[str, float]] = frozenset()
     jumps: frozenset[Jump] = frozenset()
+    north: float | None = None
 
     def __repr__(self) -> str:
         exits = ", ".join(exit_.name for exit_ in self.exits) or "none"
@@ -339,6 +344,34 @@ class Building:
     def level_named(self, name: str) -> Level | None:
         """Return the level with a given name, or None."""
         return next((level for level in self.levels if level.name == name), None)
+
+    def level_at(self, level: str | int) -> Level:
+        """Return a level by its name or index."""
+        names = [each.name for each in self.levels]
+        if isinstance(level, int) and not 0 <= level < len(names):
+            raise ResultError(f"there is no level {level}; the building has levels 0 to {len(names) - 1}")
+        if isinstance(level, str) and level not in names:
+            raise ResultError(f"there is no level {level!r}; {did_you_mean(level, names)}")
+        return self.levels[level if isinstance(level, int) else names.index(level)]
+
+    @cached_property
+    def storeys(self) -> list[tuple[str, list[Level]]]:
+        """The storeys from the bottom to the top, each with a name and its levels.
+
+        A storey consists of the floors of one height, and the flights and landings between it and the storey above,
+        which do not overlap in plan. Flights and landings below the lowest floor belong to the lowest storey.
+        """
+        floors = [level for level in self.levels if level.kind == "floor"] or list(self.levels)
+        heights = sorted({round(level.z_min, 2) for level in floors})
+        members: list[list[Level]] = [[] for _ in heights]
+        for level in self.levels:
+            below = [k for k, height in enumerate(heights) if height <= level.z_min + 0.05]
+            members[below[-1] if below else 0].append(level)
+        return [
+            (", ".join(level.name for level in levels if level.kind == "floor") or levels[0].name, levels)
+            for levels in members
+            if levels
+        ]
 
     def area_named(self, name: str) -> Area | None:
         """Return the area with a given name, or the whole level with this name; None if there is neither."""
@@ -376,6 +409,12 @@ class Building:
         """Return the levels of a stair, or of all stairs of a shaft; none if neither has this name."""
         stairs = (name,) if name in self.stairs else self.shafts.get(name, ())
         return tuple(level for stair in stairs for level in self.stairs[stair])
+
+    @property
+    def northward(self) -> FloatArray | None:
+        """Unit vector to the north in plan, (2,), if that is known."""
+        angle = None if self.north is None else np.radians(self.north)
+        return None if angle is None else np.array([-np.sin(angle), np.cos(angle)])
 
     @property
     def condition(self) -> Hashable:

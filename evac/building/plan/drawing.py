@@ -20,7 +20,9 @@ from evac.building.geometry import (
     cut,
     pieces_along,
     place_of,
+    rounded,
     segment_lengths,
+    sides,
     united,
 )
 from evac.building.model.findings import Finding, noting
@@ -39,7 +41,7 @@ from evac.building.plan.outlines import (
     with_walls,
     written,
 )
-from evac.building.plan.plan import Item, Stair, Storey
+from evac.building.plan.plan import Item, Stair
 from evac.building.plan.rooms import check_storey, expanded, key_of
 from evac.building.surface.surfacemesh import Height, SurfaceMesh
 
@@ -101,11 +103,10 @@ class Drawing:
                 self._open_exit(item)
         self._part_exits()
         for item in plan.openings:
-            self.openings += [(item.storey, piece) for piece in self._outline(item, item.segment)]
-        self.findings += [
-            *_low_storeys(plan.storeys, self.floors, plan.headroom),
-            *_beside_floor([item for item in plan.areas if not key_of("areas", item).startswith("rooms.")], self.rooms),
-        ]
+            assert item.segment is not None
+            self.openings += [(item.storey, piece) for piece in _on_outline(self.floors[item.storey], item.segment)]
+        self._find_low_storeys()
+        self._find_areas_beside_floors()
         surfaces: list[Drawn] = [*self._ground(), *(drawn for drawn in obstacles if drawn is not None)]
         for name, pieces in self.pieces.items():
             surfaces += [((f"stair:{name}",), piece.plan, piece.height) for piece in pieces]
@@ -115,7 +116,8 @@ class Drawing:
             edges += [(tag, (x1, y1, z), (x2, y2, z)) for x1, y1, x2, y2 in ends.tolist()]
         try:
             uses = {room.name: (room.use or "", room.number) for room in plan.rooms if room.is_area}
-            return SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings, self.doors, uses)
+            mesh = SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings, self.doors, uses)
+            return replace(mesh, north=plan.north)
         except ValueError as error:
             self.errors.append(Finding("error", str(error)))
         return None
@@ -135,6 +137,30 @@ class Drawing:
     ) -> None:
         """Add a finding about an item (by key) on a storey, at a geometry or at the middle of a segment."""
         self.findings.append(Finding(kind, text, storey, place_of(at), item, remedy))
+
+    def _find_low_storeys(self) -> None:
+        """Warn of floors that overlap in plan with less than the headroom between them."""
+        headroom = self.plan.headroom
+        for lower, upper in itertools.combinations(sorted(self.plan.storeys.values(), key=lambda storey: storey.z), 2):
+            height = upper.z - lower.z
+            if 0.0 < height < headroom:
+                both = common(self.floors[lower.name], self.floors[upper.name])
+                if both.area > LEAST_REPORTED:
+                    text = (
+                        f"storey {upper.name!r} is only {height:.2f} m above storey {lower.name!r}, less than the "
+                        f"headroom of {headroom:g} m, where {both.area:.2f} m2 of their floors overlap; check z of both"
+                    )
+                    self._find("warning", text, upper.name, both, f"storeys.{upper.name}")
+
+    def _find_areas_beside_floors(self) -> None:
+        """Tell of the parts of areas that are not on the floor of their storey, which do not belong to the areas."""
+        for item in (item for item in self.plan.areas if not key_of("areas", item).startswith("rooms.")):
+            outline = united(item.polygons)
+            rest = cut(outline, self.rooms[item.storey])
+            if rest.area > LEAST_REPORTED:
+                kind = "warning" if rest.area > MOST_BESIDE * outline.area else "left out"
+                text = f"{rest.area:.2f} of the {outline.area:.2f} m2 of area {item.name!r} are not on the floor"
+                self._find(kind, text, item.storey, rest, key_of("areas", item))
 
     def _make_floor(self, name: str) -> None:
         """Make the floor of a storey: join its polygons, or put walls between them."""
@@ -179,10 +205,12 @@ class Drawing:
         for name, rows in by_storey.items():
             if ground := [*(part for row in rows for part in opened[row]), *outer.get(name, ())]:
                 # Ground of several doors to the outside at one place may leave slivers between them.
-                whole = shapely.get_parts(united([self.floors[name], *ground]))
+                self.floors[name] = united([self.floors[name], *ground])
+                whole = shapely.get_parts(self.floors[name])
                 holes = [[ring for ring in one.interiors if shapely.Polygon(ring).area > LEAST_AREA] for one in whole]
-                outlines = zip(shapely.get_exterior_ring(whole), holes, strict=True)
-                self.floors[name] = united([shapely.Polygon(*outline) for outline in outlines])
+                if sum(map(len, holes)) < shapely.get_num_interior_rings(whole).sum():
+                    outlines = zip(shapely.get_exterior_ring(whole), holes, strict=True)
+                    self.floors[name] = united([shapely.Polygon(*outline) for outline in outlines])
 
     def _lacks_wall(self, door: Item) -> bool:
         """Return whether a door is on a side of two rooms that touch, and tell that their storey has no wall."""
@@ -332,11 +360,11 @@ class Drawing:
         if stair.length is None:
             raise ValueError("a U-shaped stair needs the length of its first flight; set length")
         if stair.turn is None and head is None:
-            head = np.round(foot + stair.length * way, 6) + 0.0
+            head = rounded(foot + stair.length * way)
             return stairs.straight(foot, low, head, high, depth or 0.0, stair.landings), head, [-way, way]
         if head is None:
             aside = np.array([-way[1], way[0]]) * (1.0 if stair.turn == "left" else -1.0)
-            head = np.round(foot + (width + stair.gap) * aside, 6) + 0.0
+            head = rounded(foot + (width + stair.gap) * aside)
         pieces = stairs.switchback(foot, low, head, high, way, stair.length, width if depth is None else depth)
         return pieces, head, [-way, -way]
 
@@ -403,31 +431,34 @@ class Drawing:
 
     def _open_exit(self, item: Item) -> None:
         """Put an exit on the outline of its floor; if it is on the outer face of a wall, extend the floor to it."""
-        tag = f"exit:{item.name}"
-        if item.segment is None:
-            rings = [ring for part in item.polygons for ring in shapely.get_rings(part)]
-            lines = [shapely.get_coordinates(ring) for ring in rings]
-            ends = [line[k : k + 2] for line in lines for k in range(len(line) - 1)]
-            pieces = [piece for side in ends for piece in self._outline(item, side)]
+        tag, floor, segment = f"exit:{item.name}", self.floors[item.storey], item.segment
+        if segment is None:
+            (ground,) = item.polygons
+            pieces = [piece for side in sides(ground).reshape(-1, 2, 2) for piece in _on_outline(floor, side)]
             if not pieces:
                 raise ValueError(f"its polygon shares no edge with the floor of storey {item.storey!r}; move it there")
-            self.findings += _both_sides(item, self.floors[item.storey], np.unique(pieces, axis=0))
-            self.edges.append((tag, item.storey, np.unique(pieces, axis=0)))
+            own = np.unique(pieces, axis=0)
+            wide = segment_lengths(own)
+            if wide[between_floors(floor, own, DOOR_REACH)].sum() > 0.5 * wide.sum():
+                text = (
+                    f"exit {item.name!r} has floor on both its sides, which both count for its width of "
+                    f"{wide.sum():.2f} m; if it lies between two rooms, make it a door"
+                )
+                self._find("warning", text, item.storey, ground, key_of("exits", item))
+            self.edges.append((tag, item.storey, own))
             return
-        floor, segment = self.floors[item.storey], item.segment
-        pieces = self._outline(item, segment)
+        outline = _on_outline(floor, segment)
         length = float(np.hypot(*(segment[1] - segment[0])))
-        beside = covered(np.array(pieces).reshape(-1, 4), segment)
+        beside = covered(outline, segment)
         if beside < 0.9 * length:
-            pieces = self._recess(item, segment, beside)
-        elif item.outside != "exit" and between_floors(floor, np.array(pieces), DOOR_REACH).any():
+            outline = self._recess(item, segment, beside)
+        elif item.outside != "exit" and between_floors(floor, outline, DOOR_REACH).any():
             raise ValueError(between_rooms(segment, item.storey))
         elif beside < length - LEAST_LENGTH:
             text = f"exit {item.name!r} is {beside:.3f} m wide instead of {length:.3f} m: walls cover the rest of it"
-            longest = max(pieces, key=lambda piece: np.hypot(*(piece[2:] - piece[:2]))).reshape(2, 2)
-            remedy = "" if item.key else f"segment = {np.round(longest, 6).tolist()}"
+            remedy = "" if item.key else f"segment = {_longest(outline).tolist()}"
             self._find("warning", text, item.storey, segment, key_of("exits", item), remedy)
-        self.edges.append((tag, item.storey, np.array(pieces)))
+        self.edges.append((tag, item.storey, outline))
 
     def _part_exits(self) -> None:
         """Take from exits what others have, or the floor before these: too little that is left is left out."""
@@ -450,12 +481,7 @@ class Drawing:
             taken[storey] = np.concatenate([others, free])
         self.edges = parted
 
-    def _outline(self, item: Item, segment: FloatArray | None) -> list[FloatArray]:
-        """Return the pieces (4,) of the floor's outline along a segment; only those exactly on it if there are any."""
-        assert segment is not None
-        return [*_on_outline(self.floors[item.storey], segment)]
-
-    def _recess(self, item: Item, segment: FloatArray, beside: float) -> list[FloatArray]:
+    def _recess(self, item: Item, segment: FloatArray, beside: float) -> FloatArray:
         """Extend the floor to an exit on the outer face of a wall; `beside` of its length [m] is on the outline."""
         floor, middle, left = self.floors[item.storey], segment.mean(axis=0), normal(segment)
         edge = f"{nearest(self.rooms[item.storey], segment, reach=DOOR_REACH)}: put both ends of the exit on it"
@@ -467,18 +493,17 @@ class Drawing:
             raise ValueError(between_rooms(segment, item.storey))
         if not inward:
             if beside > LEAST_LENGTH:
-                longest = max(self._outline(item, segment), key=lambda piece: np.hypot(*(piece[2:] - piece[:2])))
-                length = float(np.hypot(*(segment[1] - segment[0])))
+                longest, whole = _longest(_on_outline(floor, segment)), float(np.hypot(*(segment[1] - segment[0])))
                 raise ValueError(
-                    f"of {written(segment)}, only {beside:.2f} of {length:.2f} m are on the outline of storey "
-                    f"{item.storey!r}; move the exit along it, or shorten it to {written(longest.reshape(2, 2))}"
+                    f"of {written(segment)}, only {beside:.2f} of {whole:.2f} m are on the outline of storey "
+                    f"{item.storey!r}; move the exit along it, or shorten it to {written(longest)}"
                 )
             raise ValueError(f"{written(segment)} does not lie on the outline of storey {item.storey!r}; {edge}")
         self._add(item.storey, inward)
         text = f"floor extended by {inward[0].depth:.2f} m to exit {item.name!r}, which is drawn outside of it"
         kind = "warning" if inward[0].depth > DEEP else "assumed"
         self._find(kind, text, item.storey, segment, key_of("exits", item))
-        return [segment.ravel()]
+        return segment.reshape(1, 4)
 
     def _ground(self) -> list[tuple[tuple[str, ...], BaseGeometry, float]]:
         """Return the floors, divided by the areas on them, with their tags."""
@@ -530,54 +555,6 @@ def _across(edge: FloatArray, direction: FloatArray) -> FloatArray:
     return across if side > 0.0 else -across
 
 
-def _low_storeys(
-    storeys: Mapping[str, Storey], floors: Mapping[str, BaseGeometry], headroom: float
-) -> Iterable[Finding]:
-    """Warn of floors that overlap in plan with less than `headroom` [m] between them."""
-    for lower, upper in itertools.combinations(sorted(storeys.values(), key=lambda storey: storey.z), 2):
-        height = upper.z - lower.z
-        if 0.0 < height < headroom:
-            both = common(floors[lower.name], floors[upper.name])
-            if both.area > LEAST_REPORTED:
-                yield Finding(
-                    "warning",
-                    f"storey {upper.name!r} is only {height:.2f} m above storey {lower.name!r}, less than the headroom "
-                    f"of {headroom:g} m, where {both.area:.2f} m2 of their floors overlap; check z of both",
-                    upper.name,
-                    place_of(both),
-                    f"storeys.{upper.name}",
-                )
-
-
-def _beside_floor(areas: Sequence[Item], rooms: Mapping[str, BaseGeometry]) -> Iterable[Finding]:
-    """Report the parts of areas that are not on the floor of their storey, which do not belong to the areas."""
-    for item in areas:
-        outline = united(item.polygons)
-        rest = cut(outline, rooms[item.storey])
-        if rest.area > LEAST_REPORTED:
-            yield Finding(
-                "warning" if rest.area > MOST_BESIDE * outline.area else "left out",
-                f"{rest.area:.2f} of the {outline.area:.2f} m2 of area {item.name!r} are not on the floor",
-                item.storey,
-                place_of(rest),
-                key_of("areas", item),
-            )
-
-
-def _both_sides(item: Item, floor: BaseGeometry, pieces: FloatArray) -> Iterable[Finding]:
-    """Warn of an exit given as a polygon that has floor on both its sides, whose width counts both."""
-    length = segment_lengths(pieces)
-    if length[between_floors(floor, pieces, DOOR_REACH)].sum() > 0.5 * length.sum():
-        yield Finding(
-            "warning",
-            f"exit {item.name!r} has floor on both its sides, which both count for its width of {length.sum():.2f} m; "
-            "if it lies between two rooms, make it a door",
-            item.storey,
-            place_of(united(item.polygons)),
-            key_of("exits", item),
-        )
-
-
 def _overlap(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
     """Return the ground that two or more polygons cover, without what is no larger than rounding errors.
 
@@ -607,8 +584,7 @@ def _free(piece: FloatArray, others: FloatArray) -> FloatArray:
             free.append([start, low])
         start = max(start, high)
     shares = np.array(free).reshape(-1, 2, 1) / length
-    parts: FloatArray = np.round(ends[0] + shares * (ends[1] - ends[0]), 6).reshape(-1, 4) + 0.0
-    return parts
+    return rounded(ends[0] + shares * (ends[1] - ends[0])).reshape(-1, 4)
 
 
 def _on_outline(floor: BaseGeometry, segment: FloatArray) -> FloatArray:
@@ -616,6 +592,12 @@ def _on_outline(floor: BaseGeometry, segment: FloatArray) -> FloatArray:
     exact = along(floor, segment, 2e-6)
     is_whole = covered(exact, segment) > float(np.hypot(*(segment[1] - segment[0]))) - LEAST_LENGTH
     return exact if is_whole else along(floor, segment, SNAP)
+
+
+def _longest(pieces: FloatArray) -> FloatArray:
+    """Return the ends (2, 2) of the longest of some pieces (p, 4)."""
+    longest: FloatArray = pieces[segment_lengths(pieces).argmax()].reshape(2, 2)
+    return longest
 
 
 def _reaching(outside: BaseGeometry, floor: BaseGeometry) -> BaseGeometry:

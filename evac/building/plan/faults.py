@@ -12,7 +12,7 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH
 from evac.base.errors import BuildingError
 from evac.base.toml import toml_lines
-from evac.building.geometry import between_floors, segment_lengths, sides
+from evac.building.geometry import between_floors, rounded, segment_lengths, sides
 from evac.building.model.building import Building
 from evac.building.model.findings import Finding, refusal
 from evac.building.options import BuildingOptions, SurfaceOptions
@@ -203,7 +203,7 @@ def _on_walls(drawing: Drawing, section: str, storey: str, ends: FloatArray) -> 
     off = np.hypot(*(start + at[:, None] * step - ends.mean(axis=0)).T)
     for row in np.argsort(off, kind="stable")[:MOST_WALLS]:
         reach = np.outer([at[row] - half[row], at[row] + half[row]], step[row])
-        yield (np.round(start[row] + reach, 6) + 0.0).tolist()
+        yield rounded(start[row] + reach).tolist()
 
 
 def _other_ways(row: Mapping[str, Any]) -> Iterable[dict[str, Any]]:

@@ -24,6 +24,7 @@ from evac.building.geometry import (
     pieces_along,
     place_of,
     remembered,
+    rounded,
     segment_lengths,
     sides,
 )
@@ -116,7 +117,7 @@ def outline_of(given: Shape) -> BaseGeometry:
     parts = list(geometries(given))
     if len(parts) != 1 or parts[0].geom_type != "Polygon":
         raise ValueError("must be one polygon; divide it, or add its parts to the polygons of its storey")
-    return shapely.transform(shapely.force_2d(parts[0]), lambda corners: np.round(corners, 6) + 0.0)
+    return shapely.transform(shapely.force_2d(parts[0]), rounded)
 
 
 def inclined_of(given: Shape) -> tuple[BaseGeometry, ...]:
@@ -128,7 +129,7 @@ def inclined_of(given: Shape) -> tuple[BaseGeometry, ...]:
             raise ValueError("an inclined polygon needs corners with heights, such as POLYGON Z ((0 0 0, 1 0 0, ...))")
         if not part.is_valid or part.area < LEAST_LENGTH:
             raise ValueError(f"an inclined polygon is not valid: {shapely.is_valid_reason(part)}; correct its corners")
-    return tuple(shapely.transform(part, lambda xyz: np.round(xyz, 6) + 0.0, include_z=True) for part in parts)
+    return tuple(shapely.transform(part, rounded, include_z=True) for part in parts)
 
 
 def segment_of(given: Shape) -> FloatArray:
@@ -145,8 +146,7 @@ def segment_of(given: Shape) -> FloatArray:
             f"a segment must be two different points [[x1, y1], [x2, y2]], at most {FARTHEST:g} m from the "
             f"origin, not {given!r}"
         )
-    rounded: FloatArray = np.round(ends, 6) + 0.0
-    return rounded
+    return rounded(ends)
 
 
 def _simple(geometry: BaseGeometry) -> Iterator[BaseGeometry]:
@@ -234,8 +234,7 @@ def along(polygon: BaseGeometry, ends: FloatArray, reach: float) -> FloatArray:
     """
     own = sides(polygon)
     pieces, _ = pieces_along(own[segment_lengths(own) > 0.0], ends, reach)
-    rounded: FloatArray = np.round(pieces, 6) + 0.0
-    return rounded
+    return rounded(pieces)
 
 
 def covered(pieces: FloatArray, ends: FloatArray) -> float:
@@ -389,7 +388,7 @@ def placed(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatAr
         raise ValueError(_across(at, ends, float(turn.max())))
     if length - float(shapely.length(parts).sum()) <= ON_FLOOR:
         return ends, ""
-    segment = np.round(at + ((ends - at) @ wall)[:, None] * wall, 6) + 0.0
+    segment = rounded(at + ((ends - at) @ wall)[:, None] * wall)
     if np.abs(segment - ends).max() <= ON_FLOOR:
         return ends, ""
     angle = np.degrees(np.arccos(min(float(turn.max()), 1.0)))
@@ -405,7 +404,7 @@ def _on_floor(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[Floa
         middle = shapely.Point(ends.mean(axis=0))
         x1, y1, x2, y2 = pieces[np.argmin(shapely.distance(shapely.linestrings(pieces.reshape(-1, 2, 2)), middle))]
         origin, wall = np.array([x1, y1]), np.array([x2 - x1, y2 - y1]) / np.hypot(x2 - x1, y2 - y1)
-        segment = np.round(origin + ((ends - origin) @ wall)[:, None] * wall, 6) + 0.0
+        segment = rounded(origin + ((ends - origin) @ wall)[:, None] * wall)
         off = float(np.hypot(*(segment - ends).T).max())
         return segment, "" if off < LEAST_LENGTH else f"moved by {off:.2f} m to the wall beside it"
     if (shapely.distance(shapely.points(ends), shapely.boundary(floor)) <= SNAP).all():

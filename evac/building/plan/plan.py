@@ -124,6 +124,8 @@ class Plan:
     ----------
     source : str or Path
         Name of the plan in messages.
+    north : float [degrees]
+        Direction of north in plan, counterclockwise from y; None if it is not known.
     headroom : float [m]
         Minimum free height above and below stairs; floors that leave less are cut away. 0 cuts nothing.
 
@@ -153,9 +155,12 @@ class Plan:
     ['ground', 'main flight z=0.00..3.00', 'first']
     """
 
-    def __init__(self, source: str | Path = "<plan>", *, headroom: float = HEADROOM) -> None:
+    def __init__(
+        self, source: str | Path = "<plan>", *, headroom: float = HEADROOM, north: float | None = None
+    ) -> None:
         self.source = Path(source)
         self.headroom = self._number("plan", "headroom", headroom, least=0.0)
+        self.north = None if north is None else self._number("plan", "north", north)
         self.storeys: dict[str, Storey] = {}
         self.rooms: list[Room] = []
         self.stairs: list[Stair] = []
@@ -264,9 +269,7 @@ class Plan:
         self._check_new("rooms", name, [room.name for room in self.rooms])
         if people is not None and density is not None:
             raise BuildingError(f"{self.source}: {what}: give people or density, and not both")
-        for key, value in (("people", people), ("density", density)):
-            if value is not None:
-                self._number(what, key, value, least=0.0)
+        self._check_numbers(what, 0.0, people=people, density=density)
         with naming_part(self.source, what):
             outline = outline_of(polygon)
         self.rooms.append(
@@ -321,7 +324,7 @@ class Plan:
             The name is already used, or the arguments do not define a stair.
         """
         values = (name, lower, lower_edge, upper, upper_edge, length, direction, landing, landings, turn, gap)
-        self.stairs.append(self._stair("stair", *values))
+        self.stairs.append(self._checked("stair", values))
 
     def shaft(
         self,
@@ -380,9 +383,7 @@ class Plan:
             lower_edge = [(middle + half).tolist(), (middle - half).tolist()]
         if (rise is None) != (going is None) or (rise is not None and length is not None):
             raise BuildingError(f"{self.source}: {what}: give either length, or rise and going")
-        for key, value in (("rise", rise), ("going", going)):
-            if value is not None:
-                self._number(what, key, value, least=LEAST_STEP)
+        self._check_numbers(what, LEAST_STEP, rise=rise, going=going)
         is_bent = turn is not None or (upper_edge is not None and (length or rise) is not None)
         if kind not in (None, "straight", "dog-leg") or (kind is not None and (kind == "dog-leg") != is_bent):
             raise BuildingError(
@@ -390,41 +391,26 @@ class Plan:
             )
         run = length if rise is None else 1.0
         values = (name, lower, lower_edge, upper, upper_edge, run, direction, landing, landings, turn, gap)
-        stair = replace(self._stair("shaft", *values), length=length)
+        stair = replace(self._checked("shaft", values), length=length)
         self.shafts.append(Shaft(**vars(stair), kind=kind, rise=rise, going=going))
 
-    def _stair(
-        self,
-        section: str,
-        name: str,
-        lower: str,
-        lower_edge: Shape | None,
-        upper: str,
-        upper_edge: Shape | None,
-        length: float | None,
-        direction: Sequence[float] | None,
-        landing: float | None,
-        landings: int | None,
-        turn: str | None,
-        gap: float,
-    ) -> Stair:
+    def _checked(self, section: str, values: tuple[Any, ...]) -> Stair:
         """Return a stair, or what a shaft has of one, with checked values."""
-        what = f"{section} {name!r}"
-        self._check_new(f"{section}s", name, [one.name for one in getattr(self, f"{section}s")])
-        if upper_edge is None and length is None:
+        given = Stair(*values)
+        what = f"{section} {given.name!r}"
+        self._check_new(f"{section}s", given.name, [one.name for one in getattr(self, f"{section}s")])
+        if given.upper_edge is None and given.length is None:
             raise BuildingError(f"{self.source}: {what}: give upper_edge or length")
-        if turn not in (None, "left", "right") or (turn is not None and upper_edge is not None):
+        if given.turn not in (None, "left", "right") or (given.turn is not None and given.upper_edge is not None):
             raise BuildingError(f"{self.source}: {what}: turn must be 'left' or 'right', given instead of upper_edge")
-        for key, value in (("length", length), ("landing", landing), ("gap", gap)):
-            if value is not None:
-                self._number(what, key, value, least=0.0)
-        way = None if direction is None else self._vector(what, "direction", direction)
-        edge = None if upper_edge is None else self._segment(what, "upper_edge", upper_edge)
-        count = 1 if landing is not None and landings is None else landings or 0
-        if count and landing is None:
+        self._check_numbers(what, 0.0, length=given.length, landing=given.landing, gap=given.gap)
+        way = None if given.direction is None else self._vector(what, "direction", given.direction)
+        edge = None if given.upper_edge is None else self._segment(what, "upper_edge", given.upper_edge)
+        count = 1 if given.landing is not None and given.landings is None else given.landings or 0
+        if count and given.landing is None:
             raise BuildingError(f"{self.source}: {what}: landings requires a landing depth, such as landing = 1.5")
-        foot = self._segment(what, "lower_edge", lower_edge)
-        return Stair(name, lower, foot, upper, edge, length, way, landing, count, turn, gap)
+        foot = self._segment(what, "lower_edge", given.lower_edge)
+        return replace(given, lower_edge=foot, upper_edge=edge, direction=way, landings=count)
 
     def flight(
         self,
@@ -585,6 +571,7 @@ class Plan:
                 "must have exactly one storey and no stairs"
             )
         (taken,) = other.storeys.values()
+        self.north = other.north if self.north is None else self.north
         own = self.storeys[name]
         self.storeys[name] = replace(own, polygons=taken.polygons, file=None, wall=own.wall or taken.wall, options={})
         for kind in ("rooms", "doors", "exits", "openings", "areas", "obstacles"):
@@ -710,8 +697,7 @@ class Plan:
                 f"{self.source}: {what}: a tie must have rooms = [NAME, NAME], or rooms = [NAME] and side = NUMBER, "
                 f"and may have {', '.join(key for key in known if key != 'side')}; not {given!r}"
             )
-        for key, value in values.items():
-            self._number(what, key, value, least=0.0)
+        self._check_numbers(what, 0.0, **values)
         return Tie(tuple(rooms), **values)
 
     def _vector(self, what: str, key: str, value: Any, *, may_be_zero: bool = False) -> FloatArray:
@@ -722,6 +708,11 @@ class Plan:
         if vector.shape != (2,) or not (np.abs(vector) <= FARTHEST).all() or not (may_be_zero or vector.any()):
             raise BuildingError(f"{self.source}: {what}: {key} must be a vector [x, y], not {value!r}")
         return vector
+
+    def _check_numbers(self, what: str, least: float, **given: Any) -> None:
+        for key, value in given.items():
+            if value is not None:
+                self._number(what, key, value, least)
 
     def _number(self, what: str, key: str, value: Any, least: float = -FARTHEST) -> float:
         is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)

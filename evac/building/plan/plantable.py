@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.base.defaults import DOOR_REACH, HEADROOM
+from evac.base.defaults import DOOR_REACH
 from evac.base.errors import BuildingError, escaped, quoted_line
 from evac.base.parameters import did_you_mean
 from evac.base.toml import toml_lines, toml_value
@@ -25,6 +25,8 @@ from evac.building.plan.plan import OUTSIDE, Item, Plan, Stair, Storey
 from evac.building.plan.stairs import LEVEL
 from evac.building.surface.patches import patches_of
 
+#: Keys that are arguments of `Plan`.
+NUMBERS = ("headroom", "north")
 #: Lists of tables; the keys of a table are the arguments of the method of `Plan` with the name in the singular.
 SECTIONS = (
     *("storeys", "rooms", "stairs", "shafts", "flights", "landings"),
@@ -44,14 +46,14 @@ def read_table(path: Path) -> dict[str, Any]:
 def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = "") -> Plan:
     """Return the plan that a table describes.
 
-    `table`: ``headroom`` [m], and lists of tables under the keys of `SECTIONS`, with the arguments of that method of
-    `evac.building.plan.plan.Plan`; `source`: name of the plan in messages; `folder`: folder that paths of storey files
-    are relative to; `prefix`: prefix of keys in messages.
+    `table`: numbers under `NUMBERS`, and lists of tables under the keys of `SECTIONS`, with the arguments of that
+    method of `evac.building.plan.plan.Plan`; `source`: name of the plan in messages; `folder`: folder that paths of
+    storey files are relative to; `prefix`: prefix of keys in messages.
     """
-    plan, errors = Plan(source, headroom=table.get("headroom", HEADROOM)), list[Finding]()
+    plan, errors = Plan(source, **{key: table[key] for key in NUMBERS if key in table}), list[Finding]()
     for key in table:
-        if key != "headroom" and key not in SECTIONS:
-            text = f"{prefix}{key}: unknown key; {did_you_mean(key, ['headroom', *SECTIONS])}"
+        if key not in (*NUMBERS, *SECTIONS):
+            text = f"{prefix}{key}: unknown key; {did_you_mean(key, [*NUMBERS, *SECTIONS])}"
             errors.append(Finding("error", text, item=key, remedy="remove it"))
     for section in SECTIONS:
         items = table.get(section, [])
@@ -123,7 +125,7 @@ def _error(plan: Plan, section: str, index: int, item: Any, folder: Path, text: 
 
 def table_of(plan: Plan) -> dict[str, Any]:
     """Return a plan as a table of plain data; `plan_of` is the inverse."""
-    table: dict[str, Any] = {"headroom": plan.headroom}
+    table: dict[str, Any] = _given(plan, *NUMBERS)
     table["storeys"] = [_storey(one) for one in plan.storeys.values()]
     table["rooms"] = [
         _given(room, "name", "storey") | {"polygon": _corners(room.outline)} | _given(room, "use", "people", "density")
@@ -251,7 +253,7 @@ def plan_text(table: Mapping[str, Any]) -> str:
 
 def plan_of_building(building: Building) -> Plan:
     """Return the plan from which a building is made again."""
-    plan = Plan(building.source, headroom=0.0)
+    plan = Plan(building.source, headroom=0.0, north=building.north)
     for level in building.levels:
         if level.kind == "flight":
             plan.flight(str(level.stair), polygon=slopes_of(building, level))

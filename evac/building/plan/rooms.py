@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.parameters import did_you_mean
-from evac.building.geometry import GRID, flat_parts, segment_lengths, sides
+from evac.building.geometry import GRID, flat_parts, rounded, segment_lengths, sides
 from evac.building.model.findings import Finding, noting
 from evac.building.plan.outlines import along
 from evac.building.plan.plan import Item, Plan, Room, Shaft, Stair, Storey, Tie
@@ -175,8 +175,7 @@ def _part(tie: Tie, wall: FloatArray) -> FloatArray:
             f"the wall is {length:.2f} m long: {width:.2f} m from {start:.2f} m on are not within it; at must be "
             f"between {width / 2:.2f} and {length - width / 2:.2f}, or width less"
         )
-    part: FloatArray = np.round(wall[0] + np.outer([start, start + width], (wall[1] - wall[0]) / length), 6) + 0.0
-    return part
+    return rounded(wall[0] + np.outer([start, start + width], (wall[1] - wall[0]) / length))
 
 
 def _stairs(plan: Plan, shaft: Shaft) -> list[Stair]:

@@ -9,7 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
-from evac.building.geometry import LEAST_AREA, below
+from evac.building.geometry import LEAST_AREA, below, rounded
 from evac.building.surface.surfacemesh import Height
 
 #: Largest angle between the edges at both ends of a flight [degrees].
@@ -101,10 +101,10 @@ def straight(
         start = k * (flight_share + share)
         ends = [lower + s * (upper - lower) for s in (start, start + flight_share)]
         z = [z_lower + s / (landings + 1) * (z_upper - z_lower) for s in (k, k + 1)]
-        pieces += flight(_rounded(ends[0]), z[0], _rounded(ends[1]), z[1])
+        pieces += flight(rounded(ends[0]), z[0], rounded(ends[1]), z[1])
         if k < landings:
-            beyond = _rounded(lower + (start + flight_share + share) * (upper - lower))
-            pieces.append(Piece(shapely.Polygon([*_rounded(ends[1]), *beyond[::-1]]), z[1], z[1], z[1]))
+            beyond = rounded(lower + (start + flight_share + share) * (upper - lower))
+            pieces.append(Piece(shapely.Polygon([*rounded(ends[1]), *beyond[::-1]]), z[1], z[1], z[1]))
     return pieces
 
 
@@ -124,8 +124,8 @@ def switchback(
         raise ValueError(f"a first flight of {run:g} m leaves {back:.2f} m for the second one; increase length")
     z_middle = z_lower + (z_upper - z_lower) * run / (run + back)
     turn_lower, turn_upper = lower + run * way, upper + back * way
-    first = flight(lower, z_lower, _rounded(turn_lower), z_middle)
-    second = flight(_rounded(turn_upper), z_middle, upper, z_upper)
+    first = flight(lower, z_lower, rounded(turn_lower), z_middle)
+    second = flight(rounded(turn_upper), z_middle, upper, z_upper)
     both = shapely.union_all([step.plan for step in first]).intersection(
         shapely.union_all([step.plan for step in second])
     )
@@ -135,7 +135,7 @@ def switchback(
     level = float((turn_lower @ way).mean())
     corners = [level * way + s * across for s in (side.min(), side.max())]
     corners += [(level + depth) * way + s * across for s in (side.max(), side.min())]
-    middle = Piece(shapely.Polygon(_rounded(np.array(corners))), z_middle, z_middle, z_middle)
+    middle = Piece(shapely.Polygon(rounded(np.array(corners))), z_middle, z_middle, z_middle)
     return [*first, middle, *second]
 
 
@@ -167,8 +167,3 @@ def _plane(corners: FloatArray, heights: FloatArray) -> Callable[[float, float],
 def _like(lower: FloatArray, upper: FloatArray) -> FloatArray:
     """Return the upper edge with the same orientation as the lower one."""
     return upper if (upper[1] - upper[0]) @ (lower[1] - lower[0]) >= 0.0 else upper[::-1]
-
-
-def _rounded(points: FloatArray) -> FloatArray:
-    rounded: FloatArray = np.round(points, 6) + 0.0
-    return rounded

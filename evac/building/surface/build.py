@@ -48,6 +48,8 @@ def build_building(
     The result depends only on the geometry, not on the order of vertices and cells or on their orientation.
     Walls have the inside of their level on their left.
     """
+    if options.north is None:
+        options = options.model_copy(update={"north": mesh.north})
     return building_of(clean(mesh, source, options), source, options, need_exit=need_exit)
 
 
@@ -91,6 +93,7 @@ def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_
         stairs=level_set.stairs,
         findings=(*surface.findings, *level_set.findings, *notes),
         doors=find_doors(surface, level_set.levels),
+        north=options.north,
     )
     if errors := [*check_overlap(building), *check_depth(building)]:
         raise refusal(source, errors)

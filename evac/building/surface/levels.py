@@ -1,7 +1,6 @@
 """Levels of a surface, and the portals, exits, walls and doors between and around them."""
 
 import itertools
-from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -169,18 +168,15 @@ def _connected_cells(surface: Surface, table: EdgeTable, group: IndexArray, name
     if parts.any():
         same_way &= parts[one] == parts[other]
         label = components()
-    common: dict[tuple[int, int], float] = defaultdict(float)
-    for a, b in ((one, other), (other, one)):
-        touching = np.flatnonzero((group[a] < 0) & is_floor[group[b]] & ~sloped[a] & ~sloped[b])
-        for component, floor, shared_length in zip(
-            label[a[touching]], group[b[touching]], length[touching], strict=True
-        ):
-            common[int(component), int(floor)] += shared_length
-    if not common:
+    a, b = np.concatenate([one, other]), np.concatenate([other, one])
+    rows = np.flatnonzero((group[a] < 0) & is_floor[group[b]] & ~sloped[a] & ~sloped[b])
+    if not len(rows):
         return label
-    for component in sorted({component for component, _ in common}):
-        floors = [(-round(total, 6), floor) for (other, floor), total in common.items() if other == component]
-        group[label == component] = min(floors)[1]
+    pairs, pair = np.unique(np.column_stack([label[a[rows]], group[b[rows]]]), axis=0, return_inverse=True)
+    common = np.bincount(pair.ravel(), np.tile(length, 2)[rows]).round(6)
+    for component in np.unique(pairs[:, 0]).tolist():  # joins the floor with which it has the longest side
+        own = np.flatnonzero(pairs[:, 0] == component)
+        group[label == component] = pairs[own[common[own].argmax()], 1]
     return components()
 
 

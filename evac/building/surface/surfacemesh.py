@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.errors import BuildingError, PluginError
-from evac.building.geometry import points_on, triangulate
+from evac.building.geometry import GRID, points_on, rounded, triangulate
 from evac.building.model.findings import Finding, as_findings, repaired, with_repaired_names
 
 #: Kinds of tag on surfaces and on edges.
@@ -25,9 +25,6 @@ FARTHEST = 1e11
 Height = float | Callable[[float, float], float]
 #: A point (x, y, z).
 Point = tuple[float, float, float]
-
-#: Decimals to which coordinates are rounded, and the corresponding distance below which points coincide.
-DECIMALS, TOLERANCE = 6, 1e-6
 
 
 @dataclass(frozen=True)
@@ -57,6 +54,8 @@ class SurfaceMesh:
         Doors between rooms, which are part of the floor: a name and the ends of the opening.
     uses : mapping of str to (str, float or None)
         Use and number of people of areas, by their names; see `Area`.
+    north : float [degrees]
+        Direction of north in plan, counterclockwise from y; None if it is not known.
     """
 
     points: ArrayLike
@@ -67,6 +66,7 @@ class SurfaceMesh:
     openings: Sequence[tuple[str, ArrayLike]] = ()
     doors: Sequence[tuple[str, ArrayLike]] = ()
     uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)
+    north: float | None = None
 
     @classmethod
     def of_polygons(
@@ -105,7 +105,7 @@ class SurfaceMesh:
                 fault = f"it is {'empty' if plan.is_empty else f'a {plan.geom_type}'}"
             if fault:
                 raise ValueError(f"the surface {name!r} must be a polygon whose sides do not cross: {fault}")
-        lines = _rounded(np.reshape([[start, end] for _, start, end in edges], (-1, 2, 3)))
+        lines = rounded(np.reshape([[start, end] for _, start, end in edges], (-1, 2, 3)))
         lifted = [_lifted(shapely.get_coordinates(plan), height) for _, plan, height in drawn]
         corners = np.unique(np.concatenate([lines.reshape(-1, 3), *lifted]), axis=0)
         tree = shapely.STRtree(shapely.points(corners[:, :2]))
@@ -248,7 +248,7 @@ def _check_vertices(source: Path, points: FloatArray, blocks: list[IndexArray]) 
 
 def _split(corners: FloatArray, tree: shapely.STRtree, ends: FloatArray) -> tuple[IndexArray, FloatArray]:
     """Return the starts of sides (s, 2, 3) with the corners (c, 3) between their ends, in order, and their sides."""
-    row, corner = points_on(corners, tree, ends, TOLERANCE)
+    row, corner = points_on(corners, tree, ends, GRID)
     side = np.concatenate([np.arange(len(ends)), row])
     order = np.argsort(side, kind="stable")
     return side[order], np.concatenate([ends[:, 0], corners[corner]])[order]
@@ -275,12 +275,7 @@ def _triangles(plan: BaseGeometry, height: Height, corners: FloatArray, tree: sh
     return np.concatenate(triangles)
 
 
-def _rounded(points: ArrayLike) -> FloatArray:
-    exact: FloatArray = np.asarray(points, np.float64)
-    return exact.round(DECIMALS) + 0.0
-
-
 def _lifted(plan: FloatArray, height: Height) -> FloatArray:
     """Return points (n, 2) in plan with their heights, (n, 3)."""
     z = [height(x, y) if callable(height) else height for x, y in plan.tolist()]
-    return _rounded(np.column_stack([plan, np.array(z, np.float64)]))
+    return rounded(np.column_stack([plan, np.array(z, np.float64)]))

@@ -25,10 +25,10 @@ function ramp({ stops, edges, top }) {
   });
 }
 
-// The same map for a layer on a floor, which shows through where there is nothing, or little.
+// The same map for a layer on a floor, which shows through where there is nothing, or little; at the end of the scale, too, if that is open.
 const veil = (share) => 0.92 * Math.min(1, share / 0.4) ** 0.8;
 const cover = (share) => share > 0 ? 0.92 : 0;
-const layered = (colours, isVeiled) => colours.map((colour, k) => (colour & 0xffffff | Math.round(255 * (isVeiled ? veil : cover)(k / 255)) << 24) >>> 0);
+const layered = (colours, isVeiled, isOpen) => colours.map((colour, k) => (colour & 0xffffff | (isOpen && k === 255 ? 0 : Math.round(255 * (isVeiled ? veil : cover)(k / 255))) << 24) >>> 0);
 const onFloor = (scale, floor) => {
   const colours = ramp(scale), { isVeiled } = scale;
   return Array.from({ length: 65 }, (_, k) => {

@@ -1,6 +1,6 @@
 // Names of exits, stairs, storeys and places over the picture.
 
-const SCALE = [-160, -48, 0, 0];  // Left, top, right and bottom of the scale bar, from the lower right corner [pixels].
+const CORNER = [-200, -56, 0, 0];  // Left, top, right and bottom of the scale bar and the arrow to the north, from the lower right corner [pixels].
 const DIRECTIONS = 16;
 const CELL = 6;  // Side of the parts of the picture that are taken or free [pixels].
 
@@ -27,7 +27,7 @@ class Labels {
       const at = [0, 1, 2].map((i) => triangles.reduce((sum, v) => sum + building.vertices[3 * v + i] * grain, 0) / triangles.length);
       this.items.push({ kind: "stair", name: /stair/i.test(name) ? name : `stair ${name}`, level, at, lift: 0.3 });
     }
-    for (const { name, level, at } of building.places) this.items.push({ kind: "place", name, level, at: metres(at), lift: 0.3 });
+    for (const { name, kind, level, at } of building.places) this.items.push({ kind: kind === "fire" ? "fire" : "place", name, level, at: metres(at), lift: 0.3 });
     for (const item of this.items) {
       item.span = document.createElement("span");
       item.span.className = item.kind;
@@ -68,7 +68,7 @@ class Labels {
     cells.clear(width, height, heightOfTools());
     if (isMoved && this.layout.storey < 0 && !this.layout.isPlan) this.nameStoreys(camera);
     cells.markPeople(camera, people);
-    if (camera.isFlat) cells.mark(...SCALE.map((value, i) => value + (i % 2 ? height : width)));
+    if (camera.isFlat || this.record.northward) cells.mark(...CORNER.map((value, i) => value + (i % 2 ? height : width)));
     Object.assign(this.who, { to: selected });
     Object.assign(this.event, { to: event });
     this.shown = [];
@@ -217,8 +217,14 @@ class Cells {
   }
 }
 
-// A bar of a round length, for plans.
-function updateScale(camera, height) {
+// A bar of a round length, for plans, and an arrow to the north where that is known.
+function updateScale(camera, height, northward, isSection) {
+  const arrow = document.getElementById("north");
+  arrow.hidden = !northward || isSection;
+  if (!arrow.hidden) {
+    const [x, y] = [camera.right, camera.up].map((axis) => axis[0] * northward[0] + axis[1] * northward[1]);
+    arrow.firstElementChild.style.transform = `rotate(${Math.atan2(x, y)}rad)`;
+  }
   document.getElementById("scale").hidden = !camera.isFlat;
   if (!camera.isFlat) return;
   const metre = height / camera.size, power = 10 ** Math.floor(Math.log10(120 / metre));

@@ -11,7 +11,7 @@ const SLOW_FRAME = 60;  // [ms]
 const TELL_EVERY = 120;  // While it plays, numbers are shown this often, and the density of many people [ms].
 const SHADOWED = 3000;  // So many people have shadows.
 
-const NAME = 20, ROOM_OF_SCALE = 30;  // For names of storeys above plans, and the scale below [pixels].
+const NAME = 20, ROOM_OF_SCALE = 30, ROOM_OF_ARROW = 52;  // For names of storeys above plans, and the scale and the arrow to the north below [pixels].
 
 const following = (all, one) => all[(all.indexOf(one) + 1) % all.length];
 const heightOfTools = () => by("tools").offsetHeight + 20;  // They lie over the picture.
@@ -53,7 +53,7 @@ async function start() {
     camera.isFlat = state.view !== "3d";
     if (camera.isFlat) camera.azimuth = 0;
     camera.fit(layout.corners(), 1.08);
-    const isPlan = state.view === "plan", left = state.storey < 0 && !isPlan ? labels.margin() : 0, top = heightOfTools() + (isPlan ? NAME : 0), bottom = camera.isFlat ? ROOM_OF_SCALE : 0;
+    const isPlan = state.view === "plan", left = state.storey < 0 && !isPlan ? labels.margin() : 0, top = heightOfTools() + (isPlan ? NAME : 0), bottom = about.northward ? ROOM_OF_ARROW : camera.isFlat ? ROOM_OF_SCALE : 0;
     camera.makeRoom(layout.corners(), Math.min(0.3, left / canvas.clientWidth), Math.min(0.3, top / canvas.clientHeight), Math.min(0.15, bottom / canvas.clientHeight));
     redraw();
   }
@@ -98,7 +98,7 @@ async function start() {
     if (map && !ofNow) maps.find(showLayer);
     if (state.isLayered) {
       const top = map.top ?? maps.ends[layer];
-      stage.setScale(layered(ramp(map), map.isVeiled));
+      stage.setScale(layered(ramp(map), map.isVeiled, layer === AIR[1]));
       if (!isAir) stage.setLayer(density, isNow ? density.bytes : maps.bytes(layer, map, top), map.isVeiled);
       const name = isNow ? "Density" : capital(layer);
       by("layer-legend").innerHTML = `<div class="ends"><span>${name} on the floors</span></div>${bar(onFloor(map, look.floors.slice(0, 3)), map, top, "transparent")}${isAir ? noteOf(aboutAir(layer, about.smoke)) : ""}`;
@@ -262,9 +262,9 @@ async function start() {
     if (airs.includes(state.layer)) stage.setLayer(density, smoke.layer(state.layer, now.frame, people.scaleOf(state.layer, "")), true);
     people.update(now, layout, state.quantity, state.service, state.highlighted, state.selected);
     if (state.isFollowed) goAlong(now);
-    stage.draw(camera, people, { ...look, ...layout.boxInPicture(), layer: state.isLayered ? 1 : 0, isSmoky: state.layer === AIR[0], shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
+    stage.draw(camera, people, { ...look, ...layout.boxInPicture(), layer: state.isLayered ? 1 : 0, isSmoky: state.layer === AIR[0], limit: smoke?.limitOf(state.layer, people) ?? -1, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
     labels.update(camera, building, selectedPlace(), eventPlace(), people, density, wide, tall);
-    updateScale(camera, tall);
+    updateScale(camera, tall, about.northward, state.view === "section");
     if (film) paint(film.page);
     if (!state.isPlaying || began - told > TELL_EVERY) tell(now);
     if (!state.isPlaying) remember();

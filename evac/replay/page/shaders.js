@@ -54,7 +54,7 @@ void main() {
 }`, HEAD + CLIP + `
 uniform vec3 floors[3];
 uniform sampler2D values, scale;
-uniform float layer, cover, sheet;
+uniform float layer, cover, sheet, limit;
 in vec2 cell;
 in vec2 shade;
 out vec4 colour;
@@ -69,13 +69,17 @@ void main() {
   }
   float share = cover;
   if (layer > 0.5) {
-    vec4 heat = texture(scale, vec2(texture(values, cell).r * 0.996 + 0.002, 0.5));
+    float value = texture(values, cell).r;
+    vec4 heat = texture(scale, vec2(value * 0.996 + 0.002, 0.5));
     if (sheet > 0.0) {  // of smoke, above the floor
       colour = vec4(heat.rgb, 1.0) * heat.a * sheet;
       return;
     }
     base = mix(base, heat.rgb, heat.a);
     share = max(cover, heat.a);
+    float line = limit < 0.0 ? 0.0 : 1.0 - smoothstep(1.0, 2.0, abs(value - limit) / max(fwidth(value), 1e-5));
+    base = mix(base, vec3(0.80, 0.10, 0.08), line);
+    share = max(share, line);
   }
   colour = vec4(base * share, share);
 }`];

@@ -38,9 +38,9 @@ class Density {
     let x = 1, y = 1, tall = 0;
     this.width = Math.max(ATLAS_WIDTH, ...levels.map(({ grid: [, , nx] }) => nx + 2));
     this.grids = levels.map(({ grid: [left, low, nx, ny] }) => {
-      if (x + nx + 1 > this.width) { x = 1; y += tall + 1; tall = 0; }
+      if (x + nx + 1 > this.width) { x = 1; y += tall + 2; tall = 0; }
       const grid = { x, y, nx, ny, left, low };
-      x += nx + 1;
+      x += nx + 2;  // With a rim of each.
       tall = Math.max(tall, ny);
       return grid;
     });

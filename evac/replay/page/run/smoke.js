@@ -1,7 +1,7 @@
 // Smoke at head height, as codes of extinction coefficients in the cells of a field (evac/replay/motion.py).
 
 const AIR = ["smoke at heads", "visibility"];  // What it gives, of people and on floors.
-const aboutAir = (quantity, { contrast }) => quantity === AIR[1] ? `${contrast} / K, K being the smoke at the mean height of heads` : "At the mean height of heads";
+const aboutAir = (quantity, { contrast, limit }) => (quantity === AIR[1] ? `${contrast} / K, K being the smoke at the mean height of heads` : "At the mean height of heads") + (limit ? `; red line: visibility of ${limit} m, the limit of the case` : "");
 
 class Smoke {
   constructor(bytes, { smoke, building }, frames, density) {
@@ -21,7 +21,7 @@ class Smoke {
     this.places = [];  // Of the layers: the place, the four cells around it, and how far it is from the first one, as a share of a cell.
     building.levels.forEach((_, level) => {
       const { x, y, nx, ny, left, low } = density.grids[level], [, , columns, rows] = this.grids[level];
-      for (let j = 0; j < ny; j++) for (let i = 0; i < nx; i++) {
+      for (let j = -1; j <= ny; j++) for (let i = -1; i <= nx; i++) {
         const [px, py] = [left + (i + 0.5) * density.cell, low + (j + 0.5) * density.cell], half = this.size / 2;
         const first = this.cell(level, px - half, py - half), column = (first - this.first[level]) % columns, row = Math.floor((first - this.first[level]) / columns);
         const right = column + 1 < columns ? 1 : 0, up = row + 1 < rows ? columns : 0, within = (value) => Math.max(0, Math.min(1, value));
@@ -46,11 +46,15 @@ class Smoke {
     return this.of(quantity, this.extinction[this.states[frame][this.cell(level, x, y)]]);
   }
 
-  // What the layer of a quantity shows: 0 where the floor is seen through thin air, or further than the scale goes.
+  // Where on the scale of a layer the visibility is as short as the limit of the case; nothing without one.
+  limitOf(quantity, people) {
+    return this.limit && AIR.includes(quantity) ? Math.min(1, this.of(quantity, this.contrast / this.limit) / people.scaleOf(quantity, "").top) : null;
+  }
+
+  // What the layer of a quantity shows: 0 where the floor is seen through thin air, the end of the scale where further than that.
   layer(quantity, frame, { top }) {
     const shown = (value) => {
-      const share = this.of(quantity, value) / top;
-      return quantity === "visibility" && share >= 1 ? 0 : Math.max(value > 0 ? 1 : 0, Math.min(255, 255 * share));
+      return Math.max(value > 0 ? 1 : 0, Math.min(255, 255 * this.of(quantity, value) / top));
     };
     const codes = this.states[frame], at = (cell) => this.extinction[codes[cell]];
     for (const [place, cell, right, up, u, v] of this.places) {
