@@ -123,6 +123,8 @@ def _declare_study(parser: argparse.ArgumentParser) -> None:
     dask = "address or file of a Dask scheduler whose workers execute the runs"
     parser.add_argument("--dask", metavar="ADDRESS", help=dask)
     parser.add_argument("--resume", action="store_true", help="continue the study in the result folder")
+    maps = "record the motion of each run, for maps, queues and congestion over runs in reports and comparisons"
+    parser.add_argument("--maps", action="store_true", help=maps)
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder")
 
 
@@ -159,10 +161,22 @@ def run_study(arguments: argparse.Namespace, points: "Sequence[Point]", folder: 
             workers=arguments.jobs,
             executor=executor,
             resume=arguments.resume,
+            maps=arguments.maps,
             progress=shown_progress(display),
             replay=arguments.replay,
         )
     return show_study(study)
+
+
+def study_of(case: "Case", runs: int, folder: Path, maps: bool) -> "Study":
+    """Make a study of a case, and show its progress."""
+    from evac.study.api import execute_study
+    from evac.study.points import single
+
+    prepare(case)
+    note(f"{case.title}: {counted(runs, 'run')}, seeds from {case.simulation.seed} on, into {folder}")
+    with Display() as display:
+        return execute_study(single(case), runs, folder=folder, maps=maps, progress=shown_progress(display))
 
 
 def prepare(case: "Case") -> None:

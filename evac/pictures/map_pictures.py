@@ -19,6 +19,7 @@ from matplotlib.transforms import Bbox
 from evac.analysis.lines import LineFlow
 from evac.analysis.maps import QUANTITIES, LevelMaps, level_maps
 from evac.base.arrays import FloatArray, IntArray
+from evac.building.model.building import Building
 from evac.folder.files import map_name, writing
 from evac.pictures import palette
 from evac.pictures.floorplan import HEIGHT, WIDTH, Plans, draw_levels, draw_plans, outline_of
@@ -146,17 +147,36 @@ def draw_cut(
     _draw_values(plans, {name: own.array(quantity) for name, own in maps.items()}, maps, nearest, SCALES[quantity])
 
 
-def draw_difference(
-    first: Trajectory, other: Trajectory, quantity: str, dpi: int = 120, greatest: tuple[float, float] = (WIDTH, HEIGHT)
+def draw_grids(
+    building: Building,
+    maps: Mapping[str, LevelMaps],
+    grids: Mapping[str, FloatArray],
+    scale: Scale,
+    dpi: int = 120,
+    greatest: tuple[float, float] = (WIDTH, HEIGHT),
 ) -> Figure:
-    """Draw the difference of the maps of a quantity of two runs, other - first, on the plans of the first.
+    """Draw values in the cells of maps on the plans of a building, with the colours of a scale."""
+    plans = draw_plans(building, None, dpi=dpi, is_filled=False, greatest=greatest)
+    nearest = {name: _nearest_cells(own) for name, own in maps.items()}
+    _draw_values(plans, grids, maps, nearest, scale)
+    return plans.figure
+
+
+def draw_difference(
+    building: Building,
+    maps: Mapping[str, LevelMaps],
+    others: Mapping[str, LevelMaps],
+    quantity: str,
+    dpi: int = 120,
+    greatest: tuple[float, float] = (WIDTH, HEIGHT),
+) -> Figure:
+    """Draw the difference of two maps of a quantity with equal cells, others - maps, on the plans of a building.
 
     Levels are those with the same name; cells on the floor of only one of the two have no colour.
 
     `quantity`: one of `evac.analysis.maps.QUANTITIES`; `greatest`: greatest width and height of all plans together
     [inches].
     """
-    maps, others = level_maps(first), level_maps(other)
     grids = {
         name: _aligned(others[name].array(quantity), others[name], own) - own.array(quantity)
         for name, own in maps.items()
@@ -164,7 +184,7 @@ def draw_difference(
     }
     scale = SCALES[quantity]
     most = round_up(high_value([np.abs(grid) for grid in grids.values()]))
-    plans = draw_plans(first.building, None, dpi=dpi, is_filled=False, greatest=greatest)
+    plans = draw_plans(building, None, dpi=dpi, is_filled=False, greatest=greatest)
     colours, norm = colormaps["PuOr_r"], Normalize(-most, most)
     _draw_grids(plans, grids, maps, colours, norm)
     _add_bar(plans, ScalarMappable(norm, colours), f"{scale.label}, difference [{scale.unit}]")

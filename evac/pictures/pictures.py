@@ -88,15 +88,17 @@ def runs_figure(title: str, people: int, columns: Mapping[str, FloatArray]) -> F
     return figure
 
 
-def designs_figure(title: str, people: int, time: FloatArray, curves: Mapping[str, FloatArray]) -> Figure:
-    """Return the numbers of people out over time of several designs.
+def designs_figure(title: str, people: int, curves: Mapping[str, Mapping[str, FloatArray]]) -> Figure:
+    """Return the mean numbers of people out over time of several designs, with bands of percentiles over runs.
 
-    `time` (k,) [s]; `curves` (k,): number of people out at these times, by the name of the design.
+    `curves`: the columns of `runs_figure` at the same times, by the name of the design.
     """
     figure, axes = new_axes(title, people)
-    for (name, number), colour in zip(curves.items(), group_colours(len(curves)), strict=False):
-        axes.plot(time, number, label=name, color=colour, linewidth=1.8)
-    axes.set_xlim(0.0, float(time[-1]))
+    for (name, columns), colour in zip(curves.items(), group_colours(len(curves)), strict=False):
+        low, *_, high = (values for key, values in columns.items() if key.startswith("percentile_"))
+        axes.fill_between(columns["time"], low, high, color=colour, alpha=0.2, linewidth=0.0)
+        axes.plot(columns["time"], columns["mean_over_runs"], label=name, color=colour, linewidth=1.8)
+        axes.set_xlim(0.0, float(columns["time"][-1]))
     for text in axes.legend(frameon=False, loc="lower right", fontsize=9).get_texts():
         text.set_parse_math(False)
     return figure

@@ -1,21 +1,26 @@
 """Designs compared: differences of runs with the same seeds, curves, maps of differences, and their page."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from evac.analysis.maps import LevelMaps, level_maps
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError, counted
+from evac.building.model.building import Building
 from evac.report import figures
-from evac.report.pages import fixed, rendered
+from evac.report.pages import KINDS, Cell, fixed, rendered
 from evac.results.answer import MOST, time_of_share
 from evac.results.reading import read_results
 from evac.results.results import Results
+from evac.results.verdict import Verdict
+from evac.study.maps import SPACING
+from evac.study.outputs import out_over_runs
 from evac.study.statistics import Estimate, difference
 from evac.study.study import Study, read_study
 
@@ -43,7 +48,9 @@ class Design:
     # of the people in each run; of those who left, if everybody did who is to leave, else NaN for the others [s]
     exit_times: tuple[FloatArray, ...] = field(repr=False)
     is_complete: tuple[bool, ...] = field(repr=False)  # whether nobody was left in each run
-    results: Results | None = field(default=None, repr=False)  # those of a single run
+    verdict: Verdict
+    building: Building | None = field(repr=False)
+    maps: Callable[[], Mapping[str, LevelMaps]] = field(repr=False)  # of a run, or means over runs; may be none
 
     def measures(self) -> dict[str, FloatArray]:
         """Return the measures that are compared, by name: (runs,) [s], infinite where people are left."""
@@ -58,12 +65,6 @@ class Design:
             f"time of {MOST:g} %": np.array([most(times) for times, _ in whole]),
             "mean time of people": np.array([float(times.mean()) if ok else math.inf for times, ok in whole]),
         }
-
-    def curve(self, time: FloatArray) -> FloatArray:
-        """Return the mean number of people out over the runs, at ascending times [s]."""
-        counts = np.array([np.searchsorted(np.sort(times), time, "right") for times in self.exit_times], np.float64)
-        mean: FloatArray = counts.mean(axis=0)
-        return mean
 
 
 def most_of(times: FloatArray) -> float:
@@ -121,23 +122,27 @@ class Comparison:
         )
 
     def plot(self) -> "Figure":
-        """Return the curves of people out over time, means over the runs of each design, as a figure of matplotlib."""
+        """Return the curves of people out over time, means and bands over the runs of each design, as a figure."""
         from evac.pictures.pictures import designs_figure
 
         end = max(most_of(times[np.isfinite(times)]) for design in self.designs for times in design.exit_times)
         time = np.linspace(0.0, 1.02 * max(end, 1e-9), SAMPLES)
         people = max(len(times) for design in self.designs for times in design.exit_times)
-        return designs_figure("", people, time, {design.label: design.curve(time) for design in self.designs})
+        curves = {design.label: out_over_runs(time, design.exit_times) for design in self.designs}
+        return designs_figure("", people, curves)
 
     def page(self) -> str:
         """Return the comparison as a page of HTML, which needs no other file."""
-        caption = "People out over time; of several runs, the mean over runs."
+        caption = "People out over time; of several runs, the mean over runs, and a band from 5 to 95 % of them."
         return rendered(
             "comparison.html",
             title="Designs compared",
             kind=f"Differences from {self.designs[0].label}",
             designs=[
-                (design.label, len(design.seeds), sum(design.is_complete), _seeds(design.seeds))
+                (
+                    *(design.label, len(design.seeds), sum(design.is_complete), _seeds(design.seeds)),
+                    Cell(design.verdict["text"], KINDS[design.verdict["status"]]),
+                )
                 for design in self.designs
             ],
             head=HEAD,
@@ -168,13 +173,12 @@ class Comparison:
         ]
 
     def _maps(self) -> Iterator[figures.Picture]:
-        """Yield the maps of differences of designs that are single runs with a trajectory."""
-        runs = [(design.label, design.results.trajectory) for design in self.designs if design.results is not None]
-        recorded = [(label, trajectory) for label, trajectory in runs if trajectory is not None]
-        for label, trajectory in recorded[1:]:
-            levels = [{level.name for level in of.building.levels} for of in (recorded[0][1], trajectory)]
-            for quantity in MAPS if levels[0] & levels[1] else ():
-                yield figures.difference_picture(recorded[0][1], trajectory, quantity, label)
+        """Yield the maps of differences of designs that have maps: recorded runs, and studies with maps."""
+        mapped = [(one.label, one.building, maps) for one in self.designs if one.building and (maps := one.maps())]
+        for label, _, others in mapped[1:]:
+            _, building, maps = mapped[0]
+            for quantity in MAPS if maps.keys() & others.keys() else ():
+                yield figures.difference_picture(building, maps, others, quantity, label)
 
 
 def compare(*what: "str | Path | Results | Study | tuple[Study, int]") -> Comparison:
@@ -231,7 +235,8 @@ def _designs(what: Any) -> Iterator[Design]:
         times = what.crowd.exit_time[what.leaving]
         seeds = what.seed, int(what.settings["simulation"].get("population_seed") or what.seed)
         label = what.folder.name if what.folder is not None else what.title
-        yield Design(label, (seeds,), (times,), (what.is_complete,), what)
+        maps = partial(level_maps, what.trajectory, spacing=SPACING) if what.trajectory else dict
+        yield Design(label, (seeds,), (times,), (what.is_complete,), what.verdict, what.building_or_none, maps)
         return
     study, point = what if isinstance(what, tuple) else (what, None)
     for chosen in study.points if point is None else (study.points[point],):
@@ -247,6 +252,9 @@ def _of_point(study: Study, point: int) -> Design:
         tuple((row["seed"], row["seed"] if row["population_seed"] is None else row["population_seed"]) for row in rows),
         tuple(own if row["blocked"] else own[np.isfinite(own)] for own, row in zip(times, rows, strict=True)),
         tuple(not row["blocked"] for row in rows),
+        study.verdict_at(point),
+        study.building(point),
+        partial(study.maps, point),
     )
 
 

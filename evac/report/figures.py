@@ -22,14 +22,16 @@ from evac.building.model.building import Building
 from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
 from evac.pictures.floorplan import draw_plans
-from evac.pictures.map_pictures import FLOW_LABELS, draw_cut, draw_difference, draw_maps
+from evac.pictures.map_pictures import FLOW_LABELS, draw_cut, draw_difference, draw_grids, draw_maps
 from evac.pictures.pictures import egress_figure, runs_figure
 from evac.pictures.render import Renderer
 from evac.pictures.scales import MAPS as SCALES
+from evac.pictures.scales import Scale
 from evac.pictures.writing import legible_figure, listed
 from evac.results.answer import time_of_share
 from evac.results.results import Results
 from evac.results.verdict import LeastMargin
+from evac.study.maps import LIMITS, MARGIN, MapsOverRuns
 from evac.trajectory.trajectory import Trajectory
 
 #: Greatest width and height of all plans together, so that they are printed as large as they are drawn [inches].
@@ -230,13 +232,15 @@ def egress_over_runs(people: int, columns: Mapping[str, FloatArray]) -> Picture:
     return drawing(runs_figure("", people, columns), caption, "egress curves over runs")
 
 
-def difference_picture(first: Trajectory, other: Trajectory, quantity: str, name: str) -> Picture:
+def difference_picture(
+    building: Building, maps: Mapping[str, LevelMaps], others: Mapping[str, LevelMaps], quantity: str, name: str
+) -> Picture:
     """Return the map of the difference of a quantity, other - first."""
     caption = (
         f"{SCALES[quantity].label.capitalize()}: difference of {name} from the first design. Orange: more in {name},"
         " violet: less; where only one has a floor, nothing is drawn."
     )
-    return _mapped(draw_difference(first, other, quantity, dpi=DPI, greatest=MAPS), caption)
+    return _mapped(draw_difference(building, maps, others, quantity, dpi=DPI, greatest=MAPS), caption)
 
 
 def bottleneck(trajectory: Trajectory, queue: Queue, maps: Mapping[str, LevelMaps], number: int) -> Picture:
@@ -284,3 +288,33 @@ def map_pictures(
     if "flow" in captions:
         captions["flow"] += f"; {FLOW_LABELS}"
     return [_mapped(figure, f"{captions[name]}.") for name, figure in zip(quantities, figures, strict=True)]
+
+
+#: The scale of shares of runs, and what is beyond each of the `evac.study.maps.LIMITS`.
+SHARE = Scale("share of runs", "%", "density", 100.0, is_veiled=True)
+BEYOND = {
+    "max_density": "a density above {:g} per m²",
+    "waiting": "more than {:g} s/m² of waiting",
+    MARGIN: "margins below {:g} s",
+}
+
+
+def maps_of_runs(
+    building: Building, maps: Mapping[str, MapsOverRuns], quantities: Sequence[str], service: str = ""
+) -> list[Picture]:
+    """Return the maps of means over runs of some quantities, of least margins, and of shares of runs."""
+    means, pictures = {name: own.maps for name, own in maps.items()}, list[Picture]()
+
+    def add(grids: Mapping[str, FloatArray], scale: Scale, caption: str) -> None:
+        if any(np.isfinite(grid).any() for grid in grids.values()):
+            pictures.append(_mapped(draw_grids(building, means, grids, scale, DPI, MAPS), caption))
+
+    for name in quantities:
+        what = f"{QUANTITIES[name].label.capitalize()}, mean over runs: {QUANTITIES[name].doc}."
+        add({key: own.array(name) for key, own in means.items()}, SCALES[name].with_service(service), what)
+    what = "Least margin of those whose margin was least there, mean over the runs with such people."
+    add({name: own.least_margin for name, own in maps.items()}, Scale("least margin", "s", "speed"), what)
+    for name, limit in LIMITS.items():
+        beyond = BEYOND[name].format(limit)
+        add({key: own.shares[name] for key, own in maps.items()}, SHARE, f"Share of the runs with {beyond}.")
+    return pictures

@@ -68,7 +68,7 @@ def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> 
         section("assessment", "Assessment"),
         section("limits", "Limits of use", is_study=False, has_fire=run.conditions is not None),
         model_section(run.case_table, run.versions, run.plugins, str(run.seed), "evac run case.toml --out RESULT"),
-        *([levels_section(run.trajectory)] if run.trajectory is not None else []),
+        *([levels_section(run.trajectory.building, run.trajectory.changes)] if run.trajectory is not None else []),
         places_section(run),
         design_section(run),
         standard_section(run.case_table, run.keeps_distance),

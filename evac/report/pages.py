@@ -22,6 +22,7 @@ from evac.folder.digests import digest_of_file
 from evac.folder.files import replacing, writing
 from evac.report.figures import Picture
 from evac.results.recordedcase import ReportTable
+from evac.results.tables import TABLES, Rows
 from evac.results.verdict import Verdict
 
 #: Words longer than this may be broken in a line.
@@ -57,6 +58,10 @@ class Cell(NamedTuple):
 
     content: object
     kind: str
+
+
+#: Kinds of cells by the status of a verdict.
+KINDS = {"green": "good", "amber": "open", "red": "bad", "none": ""}
 
 
 def read(name: str) -> str:
@@ -130,9 +135,20 @@ def templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.globals |= {"columns_of": _columns_of, "counted": counted}
+    made.globals |= {"columns_of": _columns_of, "counted": counted, "tables_of": TABLES, "cells_of": cells_of}
     made.filters |= {"fixed": fixed, "as_text": as_text}
     return made
+
+
+def cells_of(name: str, rows: Rows) -> list[tuple[object, ...]]:
+    """Return the rows of one of the `TABLES` as text: times and shares with one digit behind the point, others two."""
+
+    def cell(value: Any, head: str) -> object:
+        if value == float("inf"):
+            return TABLES[name].never
+        return fixed(value, 1 if head.endswith(("[s]", "[%]")) else 2) if isinstance(value, float) else value
+
+    return [tuple(map(cell, row, TABLES[name].head)) for row in rows]
 
 
 def _columns_of(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> tuple[list[str], list[list[Any]]]:

@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -14,10 +13,8 @@ import shapely
 
 from evac.analysis.congestion import DENSITY, SHARE, Exceedance
 from evac.analysis.hydraulic import LABORATORY, DesignFlow, design_flows, hydraulic_time
-from evac.analysis.lines import ExitUse, FlowUse
 from evac.analysis.maps import KERNEL_RADIUS, level_maps
-from evac.analysis.occupancy import Occupancy
-from evac.base.arrays import FloatArray
+from evac.base.change import Change
 from evac.base.distributions import as_text
 from evac.base.errors import counted, in_order
 from evac.base.toml import case_text
@@ -26,27 +23,32 @@ from evac.building.model.links import states_of
 from evac.people.starts import load_table
 from evac.pictures.scales import colouring
 from evac.report import figures
-from evac.report.pages import APPENDIX, Cell, Section, fixed, section
-from evac.results.answer import time_of_share
+from evac.report.pages import APPENDIX, KINDS, Cell, Section, fixed, section
 from evac.results.phases import PhaseUse
-from evac.results.recordedcase import CaseTable, GroupTable
+from evac.results.recordedcase import BuildingTable, CaseTable, GroupTable
 from evac.results.results import Results
 from evac.results.verdict import BY, judged, least_margins
-from evac.trajectory.trajectory import Trajectory
 
 
-def building_section(run: Results | None) -> Section:
+def building_section(run: Results) -> Section:
     """Return the section on the building that a run recorded; without one, what the author has to add."""
-    if run is None or run.trajectory is None:
-        return section("building", "Building", building=None, has_run=run is not None, is_missing=True)
-    building = run.trajectory.building
+    motion = run.trajectory
+    if motion is None:
+        return plan_section(None, (), run.case_table.building)
+    return plan_section(motion.building, motion.changes, run.case_table.building)
+
+
+def plan_section(building: Building | None, changes: Sequence[Change], case: BuildingTable) -> Section:
+    """Return the section on a building and what changes in it."""
+    if building is None:
+        return section("building", "Building", building=None, is_missing=True)
     levels = building.levels
-    states = [_in_words(changes) for changes in states_of(building, run.trajectory.changes)]
+    states = [_in_words(changes) for changes in states_of(building, changes)]
     return section(
         "building",
         "Building",
         building=building,
-        mesh=run.case_table.building.mesh,
+        mesh=case.mesh,
         ground=sum(level.polygon.area for level in levels),
         plans=figures.plans(building),
         stairs=[_stair(building, name) for name in building.stairs],
@@ -66,16 +68,15 @@ def building_section(run: Results | None) -> Section:
             (place.name, place.kind, levels[place.level].name, place.area or place.exit, place.use)
             for place in building.places
         ],
-        closed=run.case_table.building.closed,
-        changes=[(fixed(change.time, 1), change.words) for change in run.trajectory.changes],
+        closed=case.closed,
+        changes=[(fixed(change.time, 1), change.words) for change in changes],
         lacks=() if building.doors else ("doors",),
     )
 
 
-def levels_section(trajectory: Trajectory) -> Section:
+def levels_section(building: Building, changes: Sequence[Change] = ()) -> Section:
     """Return the appendix with the levels of a building and their portals, without those of stairs that stay open."""
-    building = trajectory.building
-    levels, states = building.levels, [_in_words(changes) for changes in states_of(building, trajectory.changes)]
+    levels, states = building.levels, [_in_words(changes) for changes in states_of(building, changes)]
     return section(
         "levels",
         f"{APPENDIX}levels and portals",
@@ -259,27 +260,11 @@ def _least_mean_greatest(values: np.ndarray, digits: int) -> tuple[str | None, .
     return tuple(fixed(float(number), digits) for number in (values.min(), values.mean(), values.max()))
 
 
-#: Shares of the people whose times are told [%].
-SHARES = (5, 10, 25, 50, 75, 90, 95, 98, 100)
-
-
-#: Greatest numbers of doors and of portals in the table of flows.
-MOST_FLOWS = 10
-
-
 def times_section(run: Results) -> Section:
     """Return the section on the times of a run."""
     exit_time, leaving = run.crowd.exit_time, run.leaving
     left = leaving[np.isnan(exit_time[leaving])]
     motion = run.trajectory or None  # one without a recorded time shows nothing
-    groups = [_group(group.name, exit_time[np.intersect1d(group.rows, leaving)]) for group in in_order(run.groups)]
-    if len(groups) > 1 and run.evacuated:
-        groups.append(_group("everybody", exit_time[leaving]))
-    exits = []
-    for index, (name, use) in enumerate(run.exits.items()):
-        times = exit_time[run.crowd.exit_used == index]
-        first = fixed(float(times.min()), 1) if times.size else None
-        exits.append((name, use["people"], first, fixed(use["last_out"], 1), *_width_and_flows(use)))
     stuck = Counter(place["level"] for place in run.stuck_places)
     return section(
         "times",
@@ -289,74 +274,20 @@ def times_section(run: Results) -> Section:
         inside=figures.inside(motion, left) if motion and len(left) else None,
         stuck=list(stuck.items()),
         curve=figures.egress(run),
-        shares=[
-            (f"{share} %", math.ceil(share / 100.0 * len(leaving)), _time_of(share, exit_time[leaving]))
-            for share in SHARES
-        ],
-        groups=groups,
-        phases=[_phase(phase) for phase in run.phase],
-        exits=in_order(exits, itemgetter(0)),
+        tables=run.tables,
+        clear=[(phase["name"], _clear(phase)) for phase in run.phase],
         others=run.number_by_other_exits,
         metrics=[(name, as_text(values)) for name, values in run.metrics.items()],
     )
 
 
-def _phase(phase: PhaseUse) -> tuple[object, ...]:
-    clear = ", ".join(f"{name} {fixed(time, 1) or 'not clear'}" for name, time in phase["clear"].items())
-    times = [phase["alarm"], phase["first_start"], phase["last_start"], phase["last_out"]]
-    return phase["name"], ", ".join(phase["of"]), str(phase["people"]), *(fixed(time, 1) for time in times), clear
-
-
-def _flow_rows(flows: Sequence[FlowUse]) -> list[tuple[object, ...]]:
-    """Return the rows of lines and doors, and of the portals with the greatest specific flows."""
-    portals = [use for use in flows if use["kind"] == "portal" and use["flow_per_metre"] is not None]
-    portals.sort(key=lambda use: -(use["flow_per_metre"] or 0.0))
-    doors = [use for use in flows if use["kind"] == "door"][:MOST_FLOWS]
-    chosen = [use for use in flows if use["kind"] == "line"] + doors
-    return [
-        (use["kind"], use["name"], use["direction"], use["people"], *_width_and_flows(use))
-        for use in [*chosen, *portals[:MOST_FLOWS]]
-    ]
+def _clear(phase: PhaseUse) -> str:
+    return ", ".join(f"{name} {fixed(time, 1) or 'not clear'}" for name, time in phase["clear"].items())
 
 
 def places_section(run: Results, id_: str = "places", name: str = "") -> Section:
     """Return the appendix with the use of levels and stairs, and flows through lines, of a run with a name."""
-
-    def rows(places: Mapping[str, Occupancy]) -> list[tuple[object, ...]]:
-        return [
-            (name, use["people"], use["greatest_number"], fixed(use["last_left"], 1) or _uncleared(use))
-            for name, use in places.items()
-        ]
-
-    return section(
-        id_,
-        f"{APPENDIX}{name}levels, stairs and flows",
-        "places",
-        run=run,
-        levels=rows(run.levels),
-        stairs=rows(run.stairs),
-        flows=_flow_rows(run.flow_totals),
-    )
-
-
-def _uncleared(use: Occupancy) -> str | None:
-    return "not cleared" if use["people"] else None
-
-
-def _width_and_flows(use: FlowUse | ExitUse) -> tuple[str | None, ...]:
-    return tuple(fixed(number, 2) for number in (use["width"], use["flow"], use["flow_per_metre"]))
-
-
-def _time_of(share: float, times: FloatArray) -> str:
-    return fixed(time_of_share(times, share), 1) or "not reached"
-
-
-def _group(name: str, times: FloatArray) -> tuple[object, ...]:
-    """Return the row of people with some exit times."""
-    out = times[np.isfinite(times)]
-    first, mean = (fixed(float(time), 1) for time in (out.min(), out.mean())) if out.size else (None, None)
-    shares = [_time_of(share, times) for share in (50, 95, 100)] if times.size else [None] * 3
-    return name, times.size, out.size, first, mean, *shares
+    return section(id_, f"{APPENDIX}{name}levels, stairs and flows", "places", run=run, tables=run.tables)
 
 
 #: Greatest number of places in the table, those congested longest.
@@ -409,7 +340,7 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
                 figures.bottleneck(trajectory, queue, maps, number)
                 for number, queue in enumerate(queues[:MOST_QUEUES], 1)
             ],
-            other_queues=len(queues) - MOST_QUEUES,
+            tables=run.tables,
             places=[
                 (
                     str(number),
@@ -442,6 +373,7 @@ def fire_section(run: Results) -> Section:
         if conditions["dose"] and len(conditions["doses"]["time"]) > 1
         else None,
         people=run.number_of_people,
+        tables=run.tables,
     )
 
 
@@ -478,7 +410,6 @@ def margins_section(run: Results) -> Section | None:
 
 def safety_cells(safety: Mapping[str, Any]) -> list[tuple[object, ...]]:
     """Return the cells of compartments to which people belong: required and available time, criterion, and margins."""
-    kinds = {"green": "good", "amber": "open", "red": "bad"}
     return [
         (
             row["name"],
@@ -486,7 +417,7 @@ def safety_cells(safety: Mapping[str, Any]) -> list[tuple[object, ...]]:
             (fixed(row["required"], 1) or "not left by all") + row.get("spread", ""),
             ("at least " if row["available"] is None else "") + f"{row['limit']:.1f}",
             BY.get(row["criterion"]),
-            *(Cell(fixed(row[name], 1) or "none", kinds[row["status"]]) for name in ("margin", "margin_with_factor")),
+            *(Cell(fixed(row[name], 1) or "none", KINDS[row["status"]]) for name in ("margin", "margin_with_factor")),
             fixed(row["least_margin"], 1),
         )
         for row in judged(safety)

@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from evac.base.distributions import as_text
-from evac.base.errors import ResultError, in_order
+from evac.base.errors import ResultError
 from evac.folder.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_NAME
 from evac.folder.textfiles import checked, read_json
 from evac.report import figures
@@ -23,13 +22,13 @@ from evac.report.sections import (
     MARGINS,
     USUAL,
     Places,
-    building_section,
     case_section,
     congestion_sections,
     levels_section,
     model_section,
     occupants_section,
     places_section,
+    plan_section,
     safety_cells,
     times_section,
 )
@@ -38,12 +37,18 @@ from evac.results.ending import FAILED
 from evac.results.reading import read_results
 from evac.results.recordedcase import CaseTable, Record
 from evac.results.results import Results
-from evac.study.outputs import curves, egress, outcomes, parameter_keys, quality_of
+from evac.results.tables import TABLES
+from evac.study.maps import maps_over_runs
+from evac.study.outputs import curves, egress, parameter_keys, quality_of
 from evac.study.statistics import MEDIAN, Estimate, Statistics, convergence, estimate, settled
 from evac.study.study import Study
 
 #: Percentiles over runs of what exits have [%].
 PERCENTILES = (5, 50, 95)
+
+#: Tables of the sections over runs.
+WHO, WHAT = ("shares", "groups", "phases", "exits"), ("queues", "congestion", "doses", "outcomes")
+WHERE = ("levels", "stairs", "flows")
 
 #: Greatest number of runs that are listed one by one; the others are in runs.csv.
 MOST_LISTED = 100
@@ -80,10 +85,10 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
     for run in members:
         check_member(study, data["case"], run)
     first = members[0] if members else None
-    rows = list(study.rows(columns=ROW, failed=True))
+    rows, building = list(study.rows(columns=ROW, failed=True)), study.building()
     sections = [
-        building_section(first),
-        *([levels_section(first.trajectory)] if first is not None and first.trajectory is not None else []),
+        plan_section(building, (), summary.table.building),
+        *([levels_section(building)] if building is not None else []),
         occupants_section(summary.table, first),
         model_section(
             summary.table,
@@ -96,9 +101,10 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
         *_points(study),
         _statistics(study),
         *_margins(data["points"]),
-        _exits(study),
-        _outcomes(study),
-        _parts(study),
+        _over_runs(study, "exits", "People out, groups, phases and exits over runs", WHO),
+        _over_runs(study, "outcomes", "Queues, events, smoke, doses and margins over runs", WHAT),
+        _over_runs(study, "parts", f"{APPENDIX}levels, stairs and flows over runs", WHERE),
+        *_maps(study, places),
         *(section for number, run in enumerate(members, 1) for section in _of_run(run, number, places)),
         section("warnings", "Warnings", quality=quality_of(study), is_study=True),
         section("assessment", "Assessment"),
@@ -298,59 +304,44 @@ def _margins(points: Sequence[Mapping[str, Any]]) -> Iterator[Section]:
             yield section(f"margins{suffix}", f"{MARGINS}{where}", "margins", rows=rows, factor=factor, worst=())
 
 
-def _spread(values: Sequence[float | None], form: int = 1) -> tuple[object, ...]:
-    """Return the number of known values over runs, their mean, median with its interval, and other percentiles."""
-    known = np.array([value for value in values if value is not None], np.float64)
+def _spread(values: Sequence[float]) -> tuple[object, ...]:
+    """Return the number of runs with a finite value, their mean, median with its interval, and other percentiles."""
+    known = np.array([value for value in values if math.isfinite(value)])
     if not len(known):
         return (0, *[None] * 4)
-    median = estimate(MEDIAN, known)
-    low, high = (fixed(float(np.percentile(known, of)), form) for of in (PERCENTILES[0], PERCENTILES[-1]))
-    middle = (
-        f"{median.value:.{form}f} ({bounds})" if (bounds := median.bounds(f".{form}f")) else fixed(median.value, form)
-    )
-    return len(known), fixed(float(known.mean()), form), low, middle, high
+    median, digits = estimate(MEDIAN, known), 2 if np.abs(known).max() < 10.0 else 1
+    low, high = (fixed(float(np.percentile(known, of)), digits) for of in (PERCENTILES[0], PERCENTILES[-1]))
+    bounds = median.bounds(f".{digits}f")
+    middle = f"{fixed(median.value, digits)} ({bounds})" if bounds else fixed(median.value, digits)
+    return len(known), fixed(float(known.mean()), digits), low, middle, high
 
 
-def _exits(study: Study) -> Section:
-    """Return the section on the use of exits over runs."""
+def _over_runs(study: Study, id_: str, title: str, names: Sequence[str]) -> Section:
+    """Return a section with some of the tables of runs over runs; nothing of what is zero in all of them."""
     points = []
     for point in study.points:
-        used: dict[str, list[tuple[int, float, float | None]]] = {}
-        for row in study.rows(point.index, ["exits", "out"]):
-            for use in row["exits"]:
-                share = 100.0 * use["people"] / max(row["out"], 1)
-                used.setdefault(use["name"], []).append((use["people"], share, use["last_out"]))
-        rows = []
-        for name, uses in in_order(used.items(), itemgetter(0)):
-            people, shares, last = zip(*uses, strict=True)
-            _, share, low, _, high = _spread(shares)
-            rows.append((name, fixed(float(np.mean(people)), 1), share, f"{low} to {high}", *_spread(last)))
-        points.append(rows)
-    return section("exits", "Exits over runs", points=points)
+        found: dict[str, dict[tuple[str, str], list[float]]] = {name: {} for name in names}
+        for row in study.rows(point.index, ["tables"]):
+            for one in row["tables"]:
+                if one["table"] in found:
+                    found[one["table"]].setdefault((one["row"], one["column"]), []).append(one["value"])
+        rows = {
+            f"{TABLES[name].caption}, over runs": [(*place, *_spread(of)) for place, of in own.items() if any(of)]
+            for name, own in found.items()
+        }
+        points.append([one for one in rows.items() if one[1]])
+    return section(id_, title, "over_runs", points=points, names=[point.label for point in study.points])
 
 
-def _outcomes(study: Study) -> Section:
-    """Return the section on events, people at safe places and stopped, doses, and margins over runs."""
-    points = [
-        [(name, *_spread(values.tolist(), 2)) for name, values in outcomes(study, k)] for k in range(len(study.points))
-    ]
-    return section("outcomes", "Events, smoke, doses and margins over runs", points=points)
-
-
-def _parts(study: Study) -> Section:
-    """Return the appendix with the use of levels, stairs and places over runs."""
-    points = []
+def _maps(study: Study, places: Places) -> Iterator[Section]:
+    """Yield a section with the maps over the runs of each point that has some."""
     for point in study.points:
-        used: dict[tuple[str, str], list[tuple[int, int, float | None]]] = {}
-        for row in study.rows(point.index, ["parts"]):
-            for use in row["parts"]:
-                used.setdefault((use["kind"], use["name"]), []).append((use["people"], use["most"], use["last"]))
-        rows = []
-        for kind, uses in used.items():
-            people, most, last = zip(*uses, strict=True)
-            rows.append((*kind, fixed(float(np.mean(people)), 1), str(max(most)), *_spread(last)))
-        points.append(rows)
-    return section("parts", f"{APPENDIX}levels, stairs and places over runs", points=points)
+        building, maps = study.building(point.index), maps_over_runs(study, point.index)
+        if building is not None and maps:
+            suffix = f"-{point.index}" if point.index else ""
+            where = f", {point.label}" if point.label else ""
+            pictures = figures.maps_of_runs(building, maps, places.maps, places.service)
+            yield section(f"run_maps{suffix}", f"{APPENDIX}maps over runs{where}", "maps", pictures=pictures)
 
 
 def _of_run(run: Results, number: int, places: Places) -> Iterator[Section]:

@@ -56,6 +56,7 @@ if TYPE_CHECKING:
 
     from evac.case.case import Case
     from evac.results.answer import Answer
+    from evac.results.tables import Rows
     from evac.trajectory.trajectory import Trajectory
 
 #: Packages whose version can affect results.
@@ -512,6 +513,13 @@ class Results:
     def queues(self) -> tuple[Queue, ...]:
         """The queues in the recorded motion, the longest first; empty without it."""
         return find_queues(self.trajectory, self.flows) if self.trajectory is not None else ()
+
+    @cached_property
+    def tables(self) -> "dict[str, Rows]":
+        """The rows of the `evac.results.tables.TABLES`."""
+        from evac.results.tables import tables_of
+
+        return tables_of(self)
 
     @property
     def hold_up(self) -> Queue | None:

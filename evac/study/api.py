@@ -38,6 +38,7 @@ class StudyOptions(TypedDict, total=False):
     workers: int | None
     executor: Executor | None
     resume: bool
+    maps: bool
     progress: Callable[[StudyProgress], None] | None
 
 
@@ -80,6 +81,8 @@ def repeat(
         A `ProcessPoolExecutor` may import the main script in each process, which then needs that line.
     resume : bool
         Continue the study in the folder; existing runs are not repeated.
+    maps : bool
+        Record the motion of each run, for maps, queues and congestion over runs: `Study.maps`, reports, comparisons.
     progress : callable, optional
         Called with an `evac.study.study.StudyProgress` after each row has been written.
 
@@ -179,6 +182,7 @@ def execute_study(
     workers: int | None = None,
     executor: Executor | None = None,
     resume: bool = False,
+    maps: bool = False,
     progress: Callable[[StudyProgress], None] | None = None,
     replay: bool = False,
 ) -> Study:
@@ -193,13 +197,13 @@ def execute_study(
     seeds = Seeds(chosen[0].case.simulation.seed, repetitions)
     if folder is None:
         temporary = Path(mkdtemp(prefix="evac-study-"))
-        study = Study.begun(chosen, seeds, rule, temporary)
+        study = Study.begun(chosen, seeds, rule, temporary, is_mapped=maps)
         weakref.finalize(study, shutil.rmtree, temporary, ignore_errors=True)
         study.execute(workers, executor, progress)
         return study
     with ResultFolder(Path(folder)) as place:
         _open_folder(place, resume)
-        study = Study.begun(chosen, seeds, rule, place.running, resume)
+        study = Study.begun(chosen, seeds, rule, place.running, resume, maps)
         study.execute(workers, executor, progress)
         write_outputs(study)
         if replay:

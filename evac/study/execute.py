@@ -24,8 +24,10 @@ from evac.base.errors import EvacError, ProcessWarning, SimulationError, in_one_
 from evac.base.phases import Progress
 from evac.base.processes import Pool
 from evac.results.ending import EVERYBODY_OUT, EVERYBODY_SAFE, FAILED, INTERRUPTED, Stopped
+from evac.results.tables import numbers_of
 from evac.simulation.assembly import make_behaviours, make_contact_model, make_population
 from evac.simulation.shared import SharedSceneFile, shared_scene, simulation_of, write_shared_scene
+from evac.study.maps import maps_of
 from evac.study.points import SEEDS, Point, Seeds
 
 if TYPE_CHECKING:
@@ -56,6 +58,7 @@ class Order:
     seeds: Seeds
     key: str  # of the shared scene
     shared_scene: SharedSceneFile | None = None  # if it has been written
+    is_mapped: bool = False  # whether motion is recorded, for maps and queues
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,7 @@ class Row:
     exit_used: NDArray[np.int16] = field(default_factory=lambda: np.empty(0, np.int16))
     quality_warnings: tuple[str, ...] = ()
     told: Mapping[str, Any] = field(default_factory=dict)  # the columns `TOLD` of the store
+    maps: Sequence[Mapping[str, Any]] = ()  # see `evac.study.maps.maps_of`
     error: EvacError | None = None  # why the run failed, with its seed in a note
 
     @property
@@ -247,19 +251,29 @@ def make_row(task: Task, case: "Case | None" = None, tick: Callable[[Progress], 
             case.registry.call_all("evac_configure", case=case, registry=case.registry)
             make_population(case, scene, make_contact_model(case), make_behaviours(case))
             return None
-        results = simulation_of(case, order.key, order.shared_scene).run(tick)
+        if not order.is_mapped:
+            return _row(task, simulation_of(case, order.key, order.shared_scene).run(tick))
+        with TemporaryDirectory(prefix="evac-run-", ignore_cleanup_errors=True) as place:
+            recorded = case.change({"output.trajectory": True, "output.replay": False, "output.animation": False})
+            results = simulation_of(recorded, order.key, order.shared_scene, folder=place).run(tick)
+            (maps, numbers), row = maps_of(results), _row(task, results)
+            return replace(row, maps=maps, told={**row.told, "tables": [*row.told["tables"], *numbers]})
     except EvacError as error:
         return _failed_row(task, error)
-    crowd = results.crowd
+
+
+def _row(task: Task, results: "Results") -> Row:
+    """Return the row of a run."""
+    crowd, population_seed = results.crowd, results.settings["simulation"].get("population_seed")
     exits = []
     for exit_ in results.building.exits:
         times = crowd.exit_time[crowd.exit_used == exit_.index]
         exits.append((exit_.name, len(times), float(times.max()) if len(times) else math.nan))
     return Row(
-        order.point,
+        task.order.point,
         task.run,
         results.seed,
-        case.simulation.population_seed,
+        population_seed,
         results.ended,
         time=results.time,
         last_out=results.last_out if results.is_complete and results.last_out is not None else math.inf,
@@ -292,6 +306,7 @@ def _told(results: "Results") -> dict[str, Any]:
         "greatest_dose": max(columns["gas_dose"], columns["heat_dose"]) if has_dose else None,
         "changes": [{"text": change.words, "time": change.time} for change in results.changes],
         "parts": parts,
+        "tables": list(numbers_of(results)),
         "compartments": [] if results.safety is None else results.safety["compartments"],
     }
 
@@ -313,11 +328,12 @@ def _named(task: Task) -> str:
     return f"the run with {seeds}{task.order.where}"
 
 
-def order_of(point: Point, seeds: Seeds, digest: str, key: str) -> Order:
+def order_of(point: Point, seeds: Seeds, digest: str, key: str, is_mapped: bool) -> Order:
     """Return the order for the runs of a point."""
     case = point.case
     where = f" at the point {point.label}" if point.parameters else ""
-    return Order(point.index, where, digest, case.table, case.source, case.registry.files(), seeds, key)
+    files = case.registry.files()
+    return Order(point.index, where, digest, case.table, case.source, files, seeds, key, is_mapped=is_mapped)
 
 
 _cases: dict[str, "Case"] = {}

@@ -30,7 +30,6 @@ from evac.folder.files import (
 )
 from evac.folder.textfiles import plain, write_csv, write_json
 from evac.results.results import versions
-from evac.results.verdict import verdict_of
 from evac.simulation.assembly import providers
 from evac.simulation.simulation import Simulation
 from evac.study.points import STEP
@@ -175,26 +174,6 @@ def _compartment(
     }
 
 
-def outcomes(study: "Study", point: int) -> Iterator[tuple[str, FloatArray]]:
-    """Yield what has a number in some runs of a point, with these numbers: events, people stopped, doses, margins."""
-    found: dict[str, list[float]] = {}
-    columns = ("at_places", "stopped", "greatest_extinction", "greatest_dose", "changes", "compartments")
-    for row in study.rows(point, columns):
-        numbers = [("people at safe places", row["at_places"]), ("people stopped by gases or heat", row["stopped"])]
-        numbers += [("greatest extinction coefficient at a head [1/m]", row["greatest_extinction"])]
-        numbers += [("greatest dose", row["greatest_dose"])]
-        numbers += [(f"{change['text']}, at [s]", change["time"]) for change in row["changes"]]
-        numbers += [
-            (f"least margin of a person in {one['name']!r} [s]", one["least_margin"]) for one in row["compartments"]
-        ]
-        for name, number in numbers:
-            if number is not None:
-                found.setdefault(name, []).append(number)
-    for name, values in found.items():
-        if any(values) or not name.startswith("people"):
-            yield name, np.array(values, np.float64)
-
-
 def statistics_rows(study: "Study") -> list[dict[str, Any]]:
     """Return a row for each point: its parameters, then the values of `Statistics`."""
     keys = parameter_keys(study)
@@ -212,7 +191,7 @@ def points_table(study: "Study") -> tuple[list[str], list[list[Any]]]:
         estimates = row[study.central], row.percentiles[-1]
         times = [f"{of.text} ({bounds})" if (bounds := of.bounds()) else of.text for of in estimates]
         blocked = f"{row.blocked} of {row.runs}" + (f", {row.failed} failed" if row.failed else "")
-        said = verdict_of(study.safety(point.index))["text"].partition(":")[0]
+        said = study.verdict_at(point.index)["text"].partition(":")[0]
         rows.append([*(point.parameters.get(key) for key in keys), *times, blocked, said])
     return [*keys, *(f"{name} [s] (95 % interval)" for name in (study.central, percentile)), "blocked", "verdict"], rows
 
@@ -245,18 +224,24 @@ def egress(study: "Study", point: int) -> dict[str, FloatArray]:
 
     The times are those of ``output.every``, to the end of the longest run.
     """
-    names = ("time", "mean_over_runs", *(f"percentile_{of:g}_over_runs" for of in PERCENTILES))
     end = max((row["time"] for row in study.rows(point, ["time"])), default=None)
     if end is None:  # all runs failed
-        return {name: np.empty(0) for name in names}
+        return out_over_runs(np.empty(0), [np.empty(0)])
     every = study.points[point].case.output.every
     every *= math.ceil(end / every / MOST_TIMES)
     time = every * np.arange(math.ceil(end / every * (1.0 - 1e-12)) + 1)
+    return out_over_runs(time, (row["exit_time"] for row in study.rows(point, ["exit_time"])))
+
+
+def out_over_runs(time: FloatArray, exit_times: Iterable[FloatArray]) -> dict[str, FloatArray]:
+    """Return times (k,) [s], and mean and percentiles (k,) over runs of the number of people out by then.
+
+    `exit_times`: those of the people of each run [s], NaN for people who are not out.
+    """
     # NaN is sorted after all times.
-    rows = (row["exit_time"] for row in study.rows(point, ["exit_time"]))
-    out = np.array([np.searchsorted(np.sort(times), time, "right").astype(np.int32) for times in rows])
-    columns = (time, out.mean(axis=0), *(np.percentile(out, of, axis=0) for of in PERCENTILES))
-    return dict(zip(names, columns, strict=True))
+    out = np.array([np.searchsorted(np.sort(times), time, "right").astype(np.int32) for times in exit_times])
+    percentiles = {f"percentile_{of:g}_over_runs": np.percentile(out, of, axis=0) for of in PERCENTILES}
+    return {"time": time, "mean_over_runs": out.mean(axis=0), **percentiles}
 
 
 def curves(study: "Study", point: int) -> Iterator[FloatArray]:

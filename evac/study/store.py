@@ -25,9 +25,18 @@ import pyarrow.ipc
 import pyarrow.parquet as pq
 
 from evac.base.errors import ResultError, in_one_line, naming, text_of, usable_path
+from evac.building.model.building import Building
 from evac.folder.digests import differences, digest_of_data, digest_of_file, read_sealed, sealed
-from evac.folder.files import RUNS_STREAM_NAME, STUDY_NAME, note_written, read_manifest, replacing, writing
-from evac.folder.textfiles import plain
+from evac.folder.files import (
+    BUILDINGS_NAME,
+    RUNS_STREAM_NAME,
+    STUDY_NAME,
+    note_written,
+    read_manifest,
+    replacing,
+    writing,
+)
+from evac.folder.textfiles import plain, read_json, write_json
 from evac.results.ending import FAILED
 from evac.results.results import versions
 from evac.simulation.assembly import providers
@@ -35,6 +44,7 @@ from evac.simulation.shared import shared_key
 from evac.study.execute import Row
 from evac.study.points import Point, Seeds
 from evac.study.stopping import Rule
+from evac.trajectory.header import building_from_json, building_to_json
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -67,6 +77,7 @@ TOLD: dict[str, pa.DataType] = {
     "greatest_dose": pa.float64(),
     "changes": _rows_of(text=pa.string(), time=pa.float64()),
     "parts": _rows_of(kind=pa.string(), name=pa.string(), people=pa.int32(), most=pa.int32(), last=pa.float64()),
+    "tables": _rows_of(table=pa.string(), row=pa.string(), column=pa.string(), value=pa.float64()),
     "compartments": _rows_of(
         name=pa.string(),
         people=pa.int32(),
@@ -107,6 +118,7 @@ def schema_of(points: Sequence[Point]) -> pa.Schema:
             ("last_out", pa.float64()),
             ("exits", EXITS),
             *TOLD.items(),
+            ("maps", _rows_of(level=pa.string(), quantity=pa.string(), values=pa.list_(pa.float32()))),
             ("quality_warnings", pa.list_(pa.string())),
             ("error", pa.string()),
             ("exit_time", pa.list_(pa.float64())),
@@ -255,6 +267,7 @@ class RowStore:
             "last_out": _number(row.last_out),
             "exits": [{"name": name, "people": people, "last_out": _number(last)} for name, people, last in row.exits],
             "quality_warnings": list(row.quality_warnings),
+            "maps": list(row.maps) or None,
             "error": None if row.error is None else text_of(row.error),
         }
         for key, value in self._points[row.point].parameters.items():
@@ -351,6 +364,28 @@ def read_identity(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         raise ResultError(f"{path}: damaged, its digest differs; start the study again")
     del identity["definition"]
     return identity, definition
+
+
+def write_buildings(folder: Path, buildings: Mapping[str, Building], keys: Sequence[str]) -> None:
+    """Write buildings, and which of them each of the first points has; none for a point without one."""
+    numbers = {key: number for number, key in enumerate(buildings)}
+    parts = [building_to_json(building) for building in buildings.values()]
+    content = {"of_point": [numbers.get(key) for key in keys], "buildings": parts}
+    write_json(folder / BUILDINGS_NAME, plain(content), "the buildings")
+
+
+def read_buildings(folder: Path, points: int) -> list[Building | None]:
+    """Return the building of each point, None where none is written."""
+    path = folder / BUILDINGS_NAME
+    if not path.is_file():
+        return [None] * points
+    data = read_json(path)
+    try:
+        buildings = [building_from_json(one) for one in data["buildings"]]
+        of_points = [None if number is None else buildings[number] for number in data["of_point"]]
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise ResultError(f"{path}: not the buildings of a study: {in_one_line(error)}; make it again") from error
+    return (of_points + [None] * points)[:points]
 
 
 def check_rows(folder: Path) -> None:

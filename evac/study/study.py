@@ -2,9 +2,9 @@
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from pathlib import Path
@@ -14,9 +14,11 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError, ResultError, in_one_line
+from evac.building.model.building import Building
 from evac.folder.files import STUDY_NAME
 from evac.results.recordedcase import recorded_case
 from evac.results.verdict import Verdict, rank, verdict_of
+from evac.simulation.shared import shared_scene
 from evac.study.execute import Execution, Order, Row, Task, order_of
 from evac.study.points import STEP, Point, Seeds
 from evac.study.statistics import MEDIAN, Estimate, Statistics, Variation, difference, statistics, variation
@@ -29,7 +31,9 @@ from evac.study.store import (
     digest_of,
     identity_of,
     key_of,
+    read_buildings,
     read_identity,
+    write_buildings,
     write_identity,
 )
 
@@ -38,6 +42,7 @@ if TYPE_CHECKING:
     import pyarrow
     from matplotlib.figure import Figure
 
+    from evac.analysis.maps import LevelMaps
     from evac.case.case import Case
     from evac.results.results import Results
 
@@ -84,7 +89,15 @@ class Study:
         return read_study(folder, plugin_files)
 
     @classmethod
-    def begun(cls, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path, resume: bool = False) -> "Study":
+    def begun(
+        cls,
+        points: Sequence[Point],
+        seeds: Seeds,
+        rule: Rule,
+        folder: Path,
+        resume: bool = False,
+        is_mapped: bool = False,
+    ) -> "Study":
         """Return a study to be executed; its folder contains no study, or if it is resumed, the same one."""
         keys = [key_of(point.case) for point in points]
         digests = [digest_of(point.case, key) for point, key in zip(points, keys, strict=True)]
@@ -94,7 +107,10 @@ class Study:
         write_identity(folder, identity, definition_of(points, rule))
         study = cls(points, seeds, rule, folder)
         study._store.forget_failed()
-        study._orders = [order_of(*of) for of in zip(points, [seeds] * len(keys), digests, keys, strict=True)]
+        study._orders = [
+            order_of(point, seeds, digest, key, is_mapped)
+            for point, digest, key in zip(points, digests, keys, strict=True)
+        ]
         study._wanted = [rule.first] * len(points)
         study._there = [rule.first - len(study._missing(point.index, range(rule.first))) for point in points]
         return study
@@ -171,6 +187,17 @@ class Study:
         if failed and all(math.isnan(entry.last_out) for entry in self._store.entries.values()):
             raise _first_error(failed)
         self._store.complete()
+        self._write_buildings()
+
+    def _write_buildings(self) -> None:
+        """Write the building of the first point, and with maps those of all."""
+        buildings = dict[str, Building]()
+        orders = self._orders if self._orders[0].is_mapped else self._orders[:1]
+        for order in orders:
+            with suppress(EvacError):  # of a point whose runs are refused
+                scene = shared_scene(self.points[order.point].case, order.key)
+                buildings.setdefault(order.key, scene.building)
+        write_buildings(self.folder, buildings, [order.key for order in orders])
 
     @property
     def done(self) -> int:
@@ -203,13 +230,31 @@ class Study:
 
         return safety_of(self, point)
 
+    def verdict_at(self, point: int) -> Verdict:
+        """Return whether people leave in time at a point, as `Results.verdict`."""
+        return verdict_of(self.safety(point))
+
     @property
     def verdict(self) -> Verdict:
         """Whether people leave in time, as `Results.verdict`; of several points, that of the worst one."""
-        verdicts = [verdict_of(self.safety(point.index)) for point in self.points]
+        verdicts = [self.verdict_at(point.index) for point in self.points]
         worst = min(range(len(verdicts)), key=lambda k: rank(verdicts[k]))
         label = self.points[worst].label
         return {**verdicts[worst], "text": f"{label}: {verdicts[worst]['text']}"} if label else verdicts[worst]
+
+    def maps(self, point: int = 0) -> "Mapping[str, LevelMaps]":
+        """Return the means over the runs of a point of the maps of each level; empty if none were made."""
+        from evac.study.maps import maps_over_runs
+
+        return {name: own.maps for name, own in maps_over_runs(self, point).items()}
+
+    def building(self, point: int = 0) -> Building | None:
+        """Return the building of a point as it is at the start; None without maps, but for the first point."""
+        return self._buildings[point]
+
+    @cached_property
+    def _buildings(self) -> list[Building | None]:
+        return read_buildings(self.folder, len(self.points))
 
     @property
     def central(self) -> str:

@@ -1,0 +1,50 @@
+"""Maps over the runs of a study: those of its runs made again, one by one."""
+
+import numpy as np
+import pytest
+
+import evac
+from evac.analysis.maps import level_maps
+from evac.report.study import study_report
+from evac.results.verdict import least_margins
+from evac.study.maps import LIMITS, SPACING, maps_over_runs
+from tests.conditions.corridor import corridor
+
+
+def test_maps_over_runs_are_those_of_the_runs(tmp_path):
+    people = [{"name": "p", "area": "f", "number": 4}]
+    plan = {
+        "storeys": [{"name": "f", "polygons": [[[0, 0], [8, 0], [8, 4], [0, 4]]]}],
+        "exits": [{"name": "e", "storey": "f", "segment": [[8, 1], [8, 3]]}],
+        "areas": [{"name": "f", "storey": "f", "polygon": [[0, 0], [4, 0], [4, 4], [0, 4]]}],
+    }
+    case = corridor(people=people, building={"plan": plan}, safety={"available": 4.0})
+    study = evac.repeat(case, 3, maps=True, folder=tmp_path / "s", workers=1)
+    runs = [study.run_again(0, k, tmp_path / str(k)) for k in range(3)]
+    own = [level_maps(run.trajectory, spacing=SPACING)["f"] for run in runs]
+    again = evac.read_study(tmp_path / "s")
+    (over,) = maps_over_runs(again, 0).values()
+    for name in ("density", "max_density", "waiting", "usage"):
+        np.testing.assert_allclose(
+            again.maps()["f"].array(name), np.mean([one.array(name) for one in own], axis=0), 1e-5
+        )
+    shares = 100.0 * np.mean([np.nan_to_num(one.waiting) > LIMITS["waiting"] for one in own], axis=0)
+    floor = ~np.isnan(own[0].density)
+    np.testing.assert_allclose(over.shares["waiting"][floor], shares[floor])
+    cells = {}
+    for run in runs:
+        least = {}
+        for one in least_margins(run.margins, run.trajectory):
+            place = min(int(one.y / SPACING), 7), min(int(one.x / SPACING), 15)
+            least[place] = min(one.margin, least.get(place, np.inf))
+        for place, margin in least.items():
+            cells.setdefault(place, []).append(margin)
+    assert {place: over.least_margin[place] for place in cells} == pytest.approx(
+        {place: np.mean(margins) for place, margins in cells.items()}, rel=1e-5
+    )
+    assert np.isfinite(over.least_margin).sum() == len(cells)
+    assert again.building().levels[0].polygon.equals(runs[0].building.levels[0].polygon)
+    text = study_report(study.folder)
+    assert "mean over runs" in text
+    assert "Share of the runs with margins below 0 s" in text
+    assert evac.repeat(case, 2, workers=1).maps() == {}
