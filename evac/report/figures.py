@@ -301,20 +301,23 @@ BEYOND = {
 
 def maps_of_runs(
     building: Building, maps: Mapping[str, MapsOverRuns], quantities: Sequence[str], service: str = ""
-) -> list[Picture]:
-    """Return the maps of means over runs of some quantities, of least margins, and of shares of runs."""
-    means, pictures = {name: own.maps for name, own in maps.items()}, list[Picture]()
+) -> tuple[list[Picture], list[str]]:
+    """Return maps of means over runs, of least margins, and of shares of runs; and what no run goes beyond."""
+    means, pictures, without = {name: own.maps for name, own in maps.items()}, list[Picture](), list[str]()
 
     def add(grids: Mapping[str, FloatArray], scale: Scale, caption: str) -> None:
-        if any(np.isfinite(grid).any() for grid in grids.values()):
-            pictures.append(_mapped(draw_grids(building, means, grids, scale, DPI, MAPS), caption))
+        pictures.append(_mapped(draw_grids(building, means, grids, scale, DPI, MAPS), caption))
 
     for name in quantities:
         what = f"{QUANTITIES[name].label.capitalize()}, mean over runs: {QUANTITIES[name].doc}."
         add({key: own.array(name) for key, own in means.items()}, SCALES[name].with_service(service), what)
     what = "Least margin of those whose margin was least there, mean over the runs with such people."
-    add({name: own.least_margin for name, own in maps.items()}, Scale("least margin", "s", "speed"), what)
+    if any(np.isfinite(own.least_margin).any() for own in maps.values()):
+        add({name: own.least_margin for name, own in maps.items()}, Scale("least margin", "s", "speed"), what)
     for name, limit in LIMITS.items():
-        beyond = BEYOND[name].format(limit)
-        add({key: own.shares[name] for key, own in maps.items()}, SHARE, f"Share of the runs with {beyond}.")
-    return pictures
+        beyond, grids = BEYOND[name].format(limit), {key: own.shares[name] for key, own in maps.items()}
+        if any((grid > 0.0).any() for grid in grids.values()):
+            add(grids, SHARE, f"Share of the runs with {beyond}.")
+        else:
+            without.append(f"No run has {beyond} at any place.")
+    return pictures, without

@@ -356,7 +356,7 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
                 for number, place in enumerate(congestion.places[:MOST_PLACES], 1)
             ],
         ),
-        *([section("maps", f"{APPENDIX}maps", pictures=pictures)] if pictures else []),
+        *([section("maps", f"{APPENDIX}maps", pictures=pictures, without=())] if pictures else []),
     )
 
 

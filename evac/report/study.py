@@ -309,6 +309,8 @@ def _spread(values: Sequence[float]) -> tuple[object, ...]:
     known = np.array([value for value in values if math.isfinite(value)])
     if not len(known):
         return (0, *[None] * 4)
+    if np.ptp(known) == 0.0:
+        return len(known), f"{known[0]:.4g}", *[None] * 3
     median, digits = estimate(MEDIAN, known), 2 if np.abs(known).max() < 10.0 else 1
     low, high = (fixed(float(np.percentile(known, of)), digits) for of in (PERCENTILES[0], PERCENTILES[-1]))
     bounds = median.bounds(f".{digits}f")
@@ -340,8 +342,9 @@ def _maps(study: Study, places: Places) -> Iterator[Section]:
         if building is not None and maps:
             suffix = f"-{point.index}" if point.index else ""
             where = f", {point.label}" if point.label else ""
-            pictures = figures.maps_of_runs(building, maps, places.maps, places.service)
-            yield section(f"run_maps{suffix}", f"{APPENDIX}maps over runs{where}", "maps", pictures=pictures)
+            pictures, without = figures.maps_of_runs(building, maps, places.maps, places.service)
+            title = f"{APPENDIX}maps over runs{where}"
+            yield section(f"run_maps{suffix}", title, "maps", pictures=pictures, without=without)
 
 
 def _of_run(run: Results, number: int, places: Places) -> Iterator[Section]:

@@ -123,7 +123,7 @@ def numbers_of(run: "Results") -> Iterator[dict[str, Any]]:
         for row in rows:
             words = ", ".join(cell for cell in row if isinstance(cell, str))
             for column, cell in zip(TABLES[table].head, row, strict=True):
-                if isinstance(cell, int | float) and column != FLOW[0]:
+                if isinstance(cell, int | float) and (table, column) != ("shares", "people") and column != FLOW[0]:
                     yield {"table": table, "row": words, "column": column, "value": float(cell)}
 
 

@@ -70,9 +70,9 @@ def maps_over_runs(study: "Study", point: int) -> Mapping[str, MapsOverRuns]:
         for one in row["maps"] or ():
             name, values = one["quantity"], np.array(one["values"], np.float64)
             limit = LIMITS.get(name, math.inf)
-            beyond = values < limit if name == MARGIN else values > limit
+            is_beyond = values < limit if name == MARGIN else values > limit
             own = sums.setdefault((one["level"], name), np.zeros((3, len(values))))
-            own += np.nan_to_num(values, posinf=math.inf), ~np.isnan(values), beyond
+            own += np.nan_to_num(values, posinf=math.inf), ~np.isnan(values), is_beyond
     if not runs or building is None:
         return {}
     found = {}
