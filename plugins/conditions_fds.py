@@ -1,6 +1,6 @@
 """Conditions of the air that FDS has computed: slice files of several meshes, planes and volumes."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError
+from evac.base.parameters import Parameter
 from evac.building.model.building import Level
 from evac.conditions.source import HOTTEST_START, QUANTITIES, ConditionSource, SourceScene
 
@@ -32,11 +33,17 @@ SPECIES = {
     "formaldehyde": "FORMALDEHYDE",
 }
 
+#: Names of visibility, which is read where there is no extinction coefficient: VISIBILITY_FACTOR over the coefficient,
+#: at most MAXIMUM_VISIBILITY, the values of FDS unless its input file has others; air of that visibility is clear [m].
+VISIBILITY = ("SOOT VISIBILITY", "VISIBILITY")
+VISIBILITY_FACTOR, MAXIMUM_VISIBILITY = 3.0, 30.0
+
 #: Names in Smokeview files, with the quantity and the factor to its unit. The flux onto a surface in radiation from all
 #: sides is a quarter of the integrated intensity.
 NAMES = {
     "SOOT EXTINCTION COEFFICIENT": ("extinction", 1.0),
     "EXTINCTION COEFFICIENT": ("extinction", 1.0),
+    **dict.fromkeys(VISIBILITY, ("extinction", 1.0)),
     "TEMPERATURE": ("temperature", 1.0),
     "INTEGRATED INTENSITY": ("radiation", 0.25),
     **{
@@ -45,7 +52,7 @@ NAMES = {
 }
 
 #: Units of these quantities in Smokeview files; fractions are in the last one.
-UNITS = {"extinction": ("1/m",), "temperature": ("C",), "radiation": ("kW/m2", "kW/m^2")}
+UNITS = {"extinction": ("1/m",), "visibility": ("m",), "temperature": ("C",), "radiation": ("kW/m2", "kW/m^2")}
 FRACTION = ("mol/mol",)
 
 #: By how much values may pass the bounds of their quantity, and are clipped: of fractions, 1e-4, of others 0.01 in
@@ -57,7 +64,7 @@ ASKED = {"extinction": "QUANTITY='EXTINCTION COEFFICIENT'", "temperature": "QUAN
 ASKED |= {"radiation": "QUANTITY='INTEGRATED INTENSITY'"}
 ASKED |= {key: f"QUANTITY='VOLUME FRACTION', SPEC_ID='{name}'" for key, name in SPECIES.items()}
 
-#: Greatest distance of a plane from the heads that it stands for [m].
+#: Distance of a plane from the heads that it stands for, from which on that is told [m].
 TOLERANCE = 0.3
 
 #: Share of an area that counts as complete, and as enough to know that slices are meant for a level.
@@ -76,13 +83,20 @@ DECK = dict.fromkeys(("extinction", "co", "co2", "o2", "temperature"))
 class Fds(ConditionSource):
     """Slices of a simulation with FDS: `file` is its Smokeview file (.smv), beside which the slice files are.
 
-    On floors, the plane nearest to each head is read, which must be at most 0.3 m from the mean head of the group. On
-    stairs and landings, values are linear between the planes above and below. Volumes, which have priority over planes,
-    are read at the head.
+    On floors, the plane nearest to each head is read, at most `within` from the mean head of the group. On stairs and
+    landings, values are linear between the planes above and below. Volumes, which have priority over planes, are read
+    at the head. SOOT VISIBILITY is read where there is no extinction coefficient.
     """
 
     name = "fds"
     keys = ("file", "level", "shift")
+    within = Parameter(
+        TOLERANCE,
+        "greatest distance of a plane from heads; a warning tells of planes beyond 0.3 m",
+        "m",
+        minimum=0.0,
+        maximum=3.0,
+    )
 
     def open(self, scene: SourceScene) -> Sequence[str]:
         """List the slices, and check that they lie at the heads of people."""
@@ -94,6 +108,9 @@ class Fds(ConditionSource):
         levels, shift = scene.levels(), scene.settings.shift
         slices = read_slices(path, frozenset(NAMES), shift)
         blocks = [block for block in slices if not block.is_vertical]
+        extinction = [block for block in blocks if NAMES[block.quantity][0] == "extinction"]
+        if not all(block.quantity in VISIBILITY for block in extinction):
+            blocks = [block for block in blocks if block.quantity not in VISIBILITY]
         if not blocks:
             seen = ", only vertical planes (PBX, PBY), which are not read" if slices else ""
             raise ScenarioError(
@@ -107,7 +124,7 @@ class Fds(ConditionSource):
             self._blocks.setdefault(NAMES[block.quantity][0], []).append(block)
         for quantity, own in self._blocks.items():
             for index in levels:
-                _check_heights(path, scene, scene.building.levels[index], quantity, own)
+                _check_heights(path, scene, scene.building.levels[index], quantity, own, self.within)
         for block in blocks:
             _check_values(block)
         self.last = min(float(block.times[-1]) for block in blocks)
@@ -123,7 +140,9 @@ class Fds(ConditionSource):
             for name in scene.needed
             if name in vertical
         ]
-        self._findings += _coverage(scene, levels, self._blocks)
+        self._findings += _coverage(scene, levels, self._blocks, self.within)
+        for quantity, own in self._blocks.items() if self.within > TOLERANCE else ():
+            self._findings += _distances(path, scene, levels, quantity, own, self.within)
         return tuple(self._blocks)
 
     def findings(self) -> Sequence[str]:
@@ -141,11 +160,11 @@ class Fds(ConditionSource):
             key = tuple(block.place for block in blocks)
             if key not in located:
                 located[key] = self._locate(blocks, level, position, height)
-            factor, own = NAMES[blocks[0].quantity][1], QUANTITIES[quantity]
-            sums = np.zeros(len(level))
+            own, sums = QUANTITIES[quantity], np.zeros(len(level))
             for block, rows, nodes, weights in located[key]:
-                sums[rows] += factor * blocks[block].at(time, nodes, weights)
+                sums[rows] += blocks[block].at(time, nodes, weights)
                 values[row, rows] = sums[rows]
+            values[row] = _in_unit(blocks[0], values[row])
             _check_bounds(blocks[0], quantity, values[row], time)
             np.clip(values[row], own.least, own.most, out=values[row])  # NaN stays
         return values
@@ -217,21 +236,30 @@ _Part = tuple[int, NDArray[np.int64], NDArray[np.int64], FloatArray]
 
 def _check_values(block: "Block") -> None:
     """Refuse another unit than that of FDS, and values at the first and last time that the quantity cannot have."""
-    quantity, factor = NAMES[block.quantity]
-    units = UNITS.get(quantity, FRACTION)
+    quantity, _ = NAMES[block.quantity]
+    units = UNITS.get("visibility" if block.quantity in VISIBILITY else quantity, FRACTION)
     if block.unit not in units:
         raise ScenarioError(
             f"{block.path}: {block.quantity} is in {block.unit!r} in the Smokeview file, not in {units[0]}; "
             "write the slices as FDS does"
         )
     for index in (0, len(block.times) - 1):
-        values = factor * block.frame(index)
+        values = _in_unit(block, block.frame(index))
         _check_bounds(block, quantity, values, block.times[index])
         if quantity == "temperature" and index == 0 and values.min() > HOTTEST_START:
             raise ScenarioError(
                 f"{block.path}: t = {block.times[0]:g} s: the air is at {values.min():.1f} C or more everywhere: "
                 "these are kelvin; write the values in degrees Celsius, as FDS does"
             )
+
+
+def _in_unit(block: "Block", values: FloatArray) -> FloatArray:
+    """Return values of a block in the unit of their quantity; NaN stays."""
+    if block.quantity not in VISIBILITY:
+        scaled: FloatArray = NAMES[block.quantity][1] * values
+        return scaled
+    with np.errstate(divide="ignore"):
+        return np.where(values >= MAXIMUM_VISIBILITY * (1.0 - 1e-6), 0.0, VISIBILITY_FACTOR / values)
 
 
 def _check_bounds(block: "Block", quantity: str, values: FloatArray, time: float) -> None:
@@ -254,7 +282,7 @@ def _within(block: "Block", points: FloatArray) -> NDArray[np.bool_]:
     return inside
 
 
-def _at_heads(level: Level, heads: Iterable[float], blocks: "list[Block]") -> "list[Block]":
+def _at_heads(level: Level, heads: Iterable[float], blocks: "list[Block]", within: float) -> "list[Block]":
     """Return the blocks that apply to heads on a level: volumes, planes near them, on stairs all between planes."""
     ends = np.array([z + head for head in heads for z in (level.z_min, level.z_max)])
     planes = [block.axes[2][0] for block in blocks if block.is_plane]
@@ -263,7 +291,7 @@ def _at_heads(level: Level, heads: Iterable[float], blocks: "list[Block]") -> "l
         block
         for block in blocks
         if (
-            is_between or np.abs(block.axes[2][0] - ends).min() <= TOLERANCE
+            is_between or np.abs(block.axes[2][0] - ends).min() <= within
             if block.is_plane
             else block.ends[2, 0] <= ends.min() and block.ends[2, 1] >= ends.max()
         )
@@ -282,29 +310,47 @@ def _line(scene: SourceScene, level: int, quantity: str, head: float | None = No
     return f"&SLCF PBZ={z - scene.settings.shift[2]:.2f}, {ASKED[quantity]} /"
 
 
-def _check_heights(path: object, scene: SourceScene, level: Level, quantity: str, blocks: "list[Block]") -> None:
+def _check_heights(
+    path: object, scene: SourceScene, level: Level, quantity: str, blocks: "list[Block]", within: float
+) -> None:
     """Refuse a level at whose heads there are no slices although there are some below or above them."""
     whole = level.polygon.intersection(_ground(blocks)).area
     for group, head in scene.heads.items():
-        if level.polygon.intersection(_ground(_at_heads(level, [head], blocks))).area >= ENOUGH * whole:
+        if level.polygon.intersection(_ground(_at_heads(level, [head], blocks, within))).area >= ENOUGH * whole:
             continue
         z = 0.5 * (level.z_min + level.z_max) + head
         planes = np.array([block.axes[2][0] for block in blocks if block.is_plane])
         nearest = f"; the nearest plane is at {planes[np.abs(planes - z).argmin()]:.2f} m" if len(planes) else ""
         raise ScenarioError(
-            f"{path}: level {level.name!r}: no slice of {quantity} within {TOLERANCE:g} m of z = {z:.2f} m, where the "
+            f"{path}: level {level.name!r}: no slice of {quantity} within {within:g} m of z = {z:.2f} m, where the "
             f"heads of group {group!r} are{nearest}; add {_line(scene, level.index, quantity, head)} to the deck "
-            "and run FDS again, or name the levels that have slices (level)"
+            "and run FDS again, name the levels that have slices (level), or use planes that are farther away (within)"
         )
 
 
-def _coverage(scene: SourceScene, levels: list[int], blocks: "Mapping[str, list[Block]]") -> list[str]:
+def _distances(
+    path: object, scene: SourceScene, levels: list[int], quantity: str, blocks: "list[Block]", within: float
+) -> Iterator[str]:
+    """Yield a line for each floor whose planes are read farther than `TOLERANCE` from the heads of a group."""
+    for level in (scene.building.levels[index] for index in levels):
+        planes = [block.axes[2][0] for block in blocks if block.is_plane]
+        for group, head in scene.heads.items() if level.kind == "floor" and planes else ():
+            above = min((z - level.z_min - head for z in planes), key=abs)
+            if TOLERANCE < abs(above) <= within:
+                side = "above" if above > 0.0 else "below"
+                yield (
+                    f"{path}: {quantity} on level {level.name!r} is that {abs(above):.2f} m {side} the heads of group "
+                    f"{group!r}, where the air may be {'worse' if above > 0.0 else 'better'}"
+                )
+
+
+def _coverage(scene: SourceScene, levels: list[int], blocks: "Mapping[str, list[Block]]", within: float) -> list[str]:
     """Return a line for each level whose area the slices do not cover, with the exits outside."""
     building, path, heads = scene.building, scene.settings.file, scene.heads.values()
     lines, covered, total = [], 0.0, 0.0
     for index in levels:
         level = building.levels[index]
-        grounds = {name: _ground(_at_heads(level, heads, own)) for name, own in blocks.items()}
+        grounds = {name: _ground(_at_heads(level, heads, own, within)) for name, own in blocks.items()}
         areas = {name: level.polygon.intersection(ground).area for name, ground in grounds.items()}
         least = min(areas, key=areas.__getitem__)
         covered, total = covered + max(areas.values()), total + level.polygon.area

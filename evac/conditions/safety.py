@@ -170,9 +170,14 @@ class Safety(Saved):
         for one in self.compartments:
             for name, quantities in CRITERIA.items():
                 if name in one.limits and not any(quantity in given for quantity in quantities):
+                    fds = (
+                        ' (FDS: LAYER HEIGHT of a device, as a file of source = "prescribed")'
+                        if name == "layer"
+                        else ""
+                    )
                     raise ScenarioError(
                         f"{self._case.source}: compartment {one.name!r}: no source of [[conditions]] provides "
-                        f"{' or '.join(quantities)} for the criterion {name}; add it to the data, or remove {name}"
+                        f"{' or '.join(quantities)} for the criterion {name}; add it to the data{fds}, or remove {name}"
                     )
 
     def _make_cells(self, building: Building) -> None:

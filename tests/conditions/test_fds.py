@@ -130,6 +130,30 @@ def test_a_plane_too_far_from_heads_is_refused_with_the_line_that_the_deck_needs
     assert at(simulation, "up", 2.0, 2.0, 4.5) == 0.0
 
 
+def test_planes_farther_from_heads_are_read_where_the_case_says_so_and_told(tmp_path):
+    planes = [(EXTINCTION, z, False, constant(k)) for k, z in ((1.0, 1.5), (2.0, 5.0))]
+    path, _ = write_slices(tmp_path, BOX, planes, [0.0, 10.0])
+    source = {"source": "fds", "file": str(path), "hold": True, "within": 0.5}
+    simulation = Simulation(house(path, conditions=[source]))
+    assert at(simulation, "up", 2.0, 2.0, 4.53) == 2.0
+    (line,) = simulation.exposure.air.sources[0].findings()
+    assert "level 'up' is that 0.47 m above the heads of group 'p0'" in line
+
+
+@pytest.mark.parametrize("name", ["SOOT VISIBILITY", "VISIBILITY"])
+def test_visibility_is_read_where_there_is_no_extinction_coefficient(tmp_path, name):
+    planes = [(name, z, False, lambda x, y, z, t: 30.0 - 2.5 * t + 0.0 * x) for z in (1.5, 4.5)]
+    path, _ = write_slices(tmp_path, BOX, planes, [0.0, 10.0])
+    lines = [" m" if line == " mol/mol" else line for line in path.read_text().splitlines()]
+    path.write_text("\n".join([*lines, ""]))
+    simulation = Simulation(house(path))
+    for time, value in ((0.0, 0.0), (4.0, 3.0 / 20.0), (10.0, 3.0 / 5.0)):
+        assert at(simulation, "down", 2.0, 2.0, 1.5, time=time) == pytest.approx(value)
+    both = [*planes, *((EXTINCTION, z, False, constant(1.0)) for z in (1.5, 4.5))]
+    path, _ = write_slices(tmp_path / "both", BOX, both, [0.0, 10.0])
+    assert at(Simulation(house(path)), "down", 2.0, 2.0, 1.5) == 1.0
+
+
 def test_what_slices_do_not_cover_is_told_with_the_shift_that_would_fit(tmp_path):
     half = [(6, 12, 0, 8, 0, 6.0)]
     planes = [(EXTINCTION, z, False, constant(1.0)) for z in (1.5, 4.5)]
