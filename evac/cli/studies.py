@@ -213,7 +213,7 @@ def shown_progress(display: Display) -> "Callable[[StudyProgress], None]":
 
 def show_study(study: "Study") -> int:
     """Show the statistics; return 2 if runs failed, else 3 if people are left in any run, else 0."""
-    from evac.study.outputs import parameter_keys, quality_of, remarks_of
+    from evac.study.outputs import parameter_keys, quality_of, remarks_of, statistics_table
 
     case = study.points[0].case
     people = {row["people"] for row in study.rows(columns=["people"])} or {0}
@@ -229,7 +229,7 @@ def show_study(study: "Study") -> int:
     change = study.step_change
     if len(study.points) == 1 or change is not None:
         show_facts(facts | _settled_facts(study))
-        show_table(TITLE, ("statistic", "value [s]", "95 % interval", "over"), _rows(study))
+        show_table(TITLE, ("statistic", "value [s]", "95 % interval", "over"), statistics_table(study, 0))
     else:
         varied = ", ".join(parameter_keys(study))
         show_facts(facts | {"points": f"{len(study.points)}: {varied}", "seeds": "the same at every point"})
@@ -244,37 +244,6 @@ def show_study(study: "Study") -> int:
     return BAD_INPUT if failed else PEOPLE_LEFT if blocked else 0
 
 
-def _rows(study: "Study") -> list[tuple[str, str, str, str]]:
-    """Return the rows of the table of statistics of a study with one point."""
-    from evac.study.statistics import time_text
-
-    estimates = study.statistics[0]
-    everywhere = counted(estimates.runs, "run")
-    rows = [("minimum", time_text(estimates.least), "", everywhere)]
-    rows += [_row(percentile, everywhere) for percentile in estimates.percentiles]
-    rows.append(("maximum", time_text(estimates.greatest), "", everywhere))
-    complete = counted(estimates.runs - estimates.blocked, "complete run") if estimates.blocked else everywhere
-    rows.append(_row(estimates.mean, complete))
-    rows.append(("standard deviation", time_text(estimates.standard_deviation), "", complete))
-    names = [estimate.name for estimate in (estimates.mean, *estimates.percentiles)]
-    if study.rule.until is not None and study.rule.statistic not in names:
-        rows.append(_row(study.deciding(0), everywhere))
-    if study.seeds.repetitions > 1:
-        variation = study.variation(0)
-        rows.append(("higher than 95 % of times (IMO)", time_text(variation.reported), "", everywhere))
-        rows.append(("deviation between populations", time_text(variation.between), "", complete))
-        rows.append(("deviation within populations", time_text(variation.within), "", complete))
-    return rows
-
-
-def _row(estimate: "Estimate", over: str) -> tuple[str, str, str, str]:
-    return estimate.name, estimate.text, estimate.bounds(), _noted(over, estimate.note)
-
-
-def _noted(over: str, note: str) -> str:
-    return f"{over}; {note}" if note else over
-
-
 def _show_step(study: "Study", change: "Estimate") -> None:
     """Show the effect of half the time step, and what follows from it."""
     from evac.study.statistics import time_text
@@ -282,9 +251,9 @@ def _show_step(study: "Study", change: "Estimate") -> None:
     mean, half = (estimates.mean for estimates in study.statistics)
     step = study.points[1].parameters["simulation.step"]
     pairs = counted(change.runs, "pair") + " of runs with the same seed"
-    rows = [_row(half, counted(half.runs, "complete run"))]
+    rows = [half.row(counted(half.runs, "complete run"))]
     value, bounds = time_text(change.value, "+.2f"), change.bounds("+.2f")
-    rows.append(("change of the mean", value, bounds, _noted(pairs, change.note)))
+    rows.append(("change of the mean", value, bounds, f"{pairs}; {change.note}".removesuffix("; ")))
     share = [100.0 * value / mean.value for value in (change.value, change.low, change.high)]
     percent = [f"{value:+.1f} %" for value in share]
     reach = f"{percent[1]} to {percent[2]}" if change.has_interval else "none"

@@ -39,8 +39,8 @@ from evac.results.recordedcase import CaseTable, Record
 from evac.results.results import Results
 from evac.results.tables import TABLES
 from evac.study.maps import maps_over_runs
-from evac.study.outputs import curves, egress, parameter_keys, quality_of
-from evac.study.statistics import MEDIAN, Estimate, Statistics, convergence, estimate, settled
+from evac.study.outputs import curves, egress, parameter_keys, quality_of, statistics_table
+from evac.study.statistics import MEDIAN, Estimate, convergence, estimate, settled
 from evac.study.study import Study
 
 #: Percentiles over runs of what exits have [%].
@@ -264,29 +264,12 @@ def _statistics(study: Study) -> Section:
         points.append(
             {
                 "name": ", ".join(f"{key} = {as_text(value)}" for key, value in point.parameters.items()),
-                "rows": _statistics_rows(estimates),
+                "rows": statistics_table(study, point.index),
                 "picture": _egress_picture(study, point.index) if estimates.runs else None,
                 "settled": list(measures.items()),
             }
         )
     return section("statistics", "Evacuation times over runs", points=points)
-
-
-def _statistics_rows(estimates: Statistics) -> list[tuple[object, ...]]:
-    blocked = f"{100.0 * estimates.blocked_low:.1f} to {100.0 * estimates.blocked_high:.1f} %"
-    rows: list[tuple[object, ...]] = [
-        ("runs", estimates.runs, None, None),
-        ("blocked runs", estimates.blocked, blocked, "interval of the share"),
-        ("minimum [s]", fixed(estimates.least, 1), None, None),
-    ]
-    missing = "not reached" if estimates.blocked else None
-    for one in (estimates.mean, *estimates.percentiles):
-        rows.append((f"{one.name} [s]", fixed(one.value, 1) or missing, one.bounds(".1f"), one.note))
-    rows += [
-        ("maximum [s]", fixed(estimates.greatest, 1) or missing, None, None),
-        ("standard deviation of complete runs [s]", fixed(estimates.standard_deviation, 2), None, None),
-    ]
-    return rows
 
 
 def _egress_picture(study: Study, point: int) -> figures.Picture:

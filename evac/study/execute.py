@@ -286,26 +286,9 @@ def _row(task: Task, results: "Results") -> Row:
 
 
 def _told(results: "Results") -> dict[str, Any]:
-    """Return what a run tells of events, parts of the building, smoke, doses and compartments."""
-    stairs = {level.name for level in results.building.levels if level.stair}
-    used = [("level", name, use) for name, use in results.levels.items() if name not in stairs]
-    parts = [
-        {"kind": kind, "name": name, "people": use["people"], "most": use["greatest_number"], "last": use["last_left"]}
-        for kind, name, use in [*used, *(("stair", name, use) for name, use in results.stairs.items())]
-    ]
-    for one in results.places:
-        number = len(one.people)
-        parts.append({"kind": one.kind, "name": one.name, "people": number, "most": number, "last": one.last})
-    columns = {name: values.max(initial=0.0) for name, values in results.exposure.items() if name != "stopped_at"}
-    has_dose = results.conditions is not None and results.conditions["dose"] is not None
+    """Return what a run tells besides its times: number of people, the numbers of its tables, and compartments."""
     return {
         "people": len({*results.leaving.tolist(), *(row for place in results.places for row in place.people)}),
-        "at_places": results.at_places,
-        "stopped": len(results.stopped),
-        "greatest_extinction": columns.get("greatest_extinction"),
-        "greatest_dose": max(columns["gas_dose"], columns["heat_dose"]) if has_dose else None,
-        "changes": [{"text": change.words, "time": change.time} for change in results.changes],
-        "parts": parts,
         "tables": list(numbers_of(results)),
         "compartments": [] if results.safety is None else results.safety["compartments"],
     }

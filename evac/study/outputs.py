@@ -33,7 +33,7 @@ from evac.results.results import versions
 from evac.simulation.assembly import providers
 from evac.simulation.simulation import Simulation
 from evac.study.points import STEP
-from evac.study.statistics import PERCENTILES, convergence, estimate, percentile_name, settled
+from evac.study.statistics import PERCENTILES, convergence, estimate, percentile_name, settled, time_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -181,6 +181,31 @@ def statistics_rows(study: "Study") -> list[dict[str, Any]]:
         {"point": point.index} | {key: point.parameters.get(key) for key in keys} | estimates.as_row()
         for point, estimates in zip(study.points, study.statistics, strict=True)
     ]
+
+
+def statistics_table(study: "Study", point: int) -> list[tuple[str, str, str, str]]:
+    """Return the statistics of a point: name, value [s], interval, and over how many runs, with remarks."""
+    of = study.statistics[point]
+    everywhere = counted(of.runs, "run")
+    complete = counted(of.runs - of.blocked, "complete run") if of.blocked else everywhere
+    rows = [
+        ("minimum", time_text(of.least), "", everywhere),
+        *(one.row(everywhere) for one in of.percentiles),
+        ("maximum", time_text(of.greatest), "", everywhere),
+        of.mean.row(complete),
+        ("standard deviation", time_text(of.standard_deviation), "", complete),
+    ]
+    if study.rule.until is not None and study.rule.statistic not in [one[0] for one in rows]:
+        rows.append(study.deciding(point).row(everywhere))
+    if of.blocked:
+        share = f"{100 * of.blocked_low:.1f} to {100 * of.blocked_high:.1f} %"
+        rows.append(("blocked runs", str(of.blocked), share, f"interval of the share of {everywhere}"))
+    if study.seeds.repetitions > 1:
+        spread = study.variation(point)
+        rows.append(("higher than 95 % of times (IMO)", time_text(spread.reported), "", everywhere))
+        rows.append(("deviation between populations", time_text(spread.between), "", complete))
+        rows.append(("deviation within populations", time_text(spread.within), "", complete))
+    return rows
 
 
 def points_table(study: "Study") -> tuple[list[str], list[list[Any]]]:

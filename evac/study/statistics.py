@@ -97,6 +97,10 @@ class Estimate:
         low = "open" if math.isnan(self.low) else time_text(self.low, form)
         return f"{low} to {time_text(self.high, form) if math.isfinite(self.high) else 'open'}"
 
+    def row(self, over: str) -> tuple[str, str, str, str]:
+        """Return the name, value and interval in words, and over what, with the note."""
+        return self.name, self.text, self.bounds(), f"{over}; {self.note}".removesuffix("; ")
+
     @property
     def has_interval(self) -> bool:
         """Whether both bounds are determined; they may be infinite."""

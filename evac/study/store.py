@@ -71,12 +71,6 @@ def _rows_of(**columns: pa.DataType) -> pa.DataType:
 #: Columns of what a run tells besides its times.
 TOLD: dict[str, pa.DataType] = {
     "people": pa.int32(),
-    "at_places": pa.int32(),
-    "stopped": pa.int32(),
-    "greatest_extinction": pa.float64(),
-    "greatest_dose": pa.float64(),
-    "changes": _rows_of(text=pa.string(), time=pa.float64()),
-    "parts": _rows_of(kind=pa.string(), name=pa.string(), people=pa.int32(), most=pa.int32(), last=pa.float64()),
     "tables": _rows_of(table=pa.string(), row=pa.string(), column=pa.string(), value=pa.float64()),
     "compartments": _rows_of(
         name=pa.string(),
