@@ -1,6 +1,5 @@
 """Passages of people through exits, portals, doors between rooms and lines of the case, and their flows."""
 
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -56,13 +55,12 @@ def exit_table(building: Building, exit_used: IntArray, exit_time: FloatArray) -
     table = {}
     for exit_ in building.exits:
         times = np.sort(exit_time[exit_used == exit_.index])
-        flow = steady_flow(times) if times.size >= FEWEST else math.nan
         table[exit_.name] = ExitUse(
             people=times.size,
             last_out=float(times[-1]) if times.size else None,
             width=exit_.width,
-            flow=None if math.isnan(flow) else flow,
-            flow_per_metre=None if math.isnan(flow) else flow / exit_.width,
+            flow=(flow := _flow_of(times)),
+            flow_per_metre=None if flow is None else flow / exit_.width,
         )
     return table
 

@@ -217,9 +217,7 @@ def show_study(study: "Study") -> int:
 
     case = study.points[0].case
     people = {row["people"] for row in study.rows(columns=["people"])} or {0}
-    runs, blocked, failed = (
-        sum(getattr(estimates, name) for estimates in study.statistics) for name in ("runs", "blocked", "failed")
-    )
+    runs, blocked, failed = study.counts
     say(study.verdict["text"], style=STYLES[study.verdict["status"]])
     facts: dict[str, object] = {"case": case.title}
     facts["people"] = f"{min(people)} to {max(people)}" if len(people) > 1 else min(people)

@@ -39,7 +39,7 @@ from evac.results.recordedcase import CaseTable, Record
 from evac.results.results import Results
 from evac.results.tables import TABLES
 from evac.study.maps import maps_over_runs
-from evac.study.outputs import curves, egress, parameter_keys, quality_of, statistics_table
+from evac.study.outputs import curves, egress, parameter_keys, points_table, quality_of, statistics_table
 from evac.study.statistics import MEDIAN, Estimate, convergence, estimate, settled
 from evac.study.study import Study
 
@@ -159,15 +159,8 @@ def _command(study: Study) -> str:
     return f"evac sweep case.toml --table points.csv {number} --out STUDY"
 
 
-def _counts(study: Study) -> tuple[int, int, int]:
-    """Return the number of runs that have not failed, of blocked and of failed ones."""
-    counts = [(estimates.runs, estimates.blocked, estimates.failed) for estimates in study.statistics]
-    runs, blocked, failed = map(sum, zip(*counts, strict=True))
-    return runs, blocked, failed
-
-
 def _banner(study: Study) -> str:
-    runs, blocked, failed = _counts(study)
+    runs, blocked, failed = study.counts
     lines = []
     if failed:
         lines.append(f"{failed} of {runs + failed} runs failed and are in no statistic.")
@@ -176,31 +169,13 @@ def _banner(study: Study) -> str:
     return " ".join(lines)
 
 
-def _interval(estimate: Estimate, is_blocked: bool = False) -> str:
-    """Return an estimate with its interval."""
-    if not math.isfinite(estimate.value):
-        return "not reached" if is_blocked else "-"
-    bounds = estimate.bounds(".1f")
-    return f"{estimate.value:.1f} s ({bounds})" if bounds else f"{estimate.value:.1f} s"
-
-
-def _mean(estimate: Estimate) -> str:
-    """Return the mean with its interval, or with the reason why it has none."""
-    words = f"{_interval(estimate)}, with 95 % interval" if math.isfinite(estimate.low) else _interval(estimate)
-    return f"{words}; {estimate.note}" if estimate.note else words
-
-
-def _change(estimate: Estimate) -> str:
-    """Return a difference with its interval, or with the reason why it has none."""
-    if not math.isfinite(estimate.value):
-        return estimate.note or "-"
-    reach = f" ({estimate.low:+.2f} to {estimate.high:+.2f})" if math.isfinite(estimate.low + estimate.high) else ""
-    return f"{estimate.value:+.2f} s{reach}{'; ' if estimate.note else ''}{estimate.note}"
+def _noted(estimate: Estimate) -> str:
+    return "; ".join(part for part in (estimate.words, estimate.note) if part)
 
 
 def _results(study: Study, rows: Sequence[Mapping[str, Any]]) -> dict[str, object]:
     """Return the main results, which open the report: of the only point, or how many there are."""
-    runs, blocked, failed = _counts(study)
+    runs, blocked, failed = study.counts
     results: dict[str, object] = {"Number of runs": str(len(rows))}
     if len(study.points) > 1:
         results["Variants"] = f"{len(study.points)}, see below"
@@ -209,14 +184,13 @@ def _results(study: Study, rows: Sequence[Mapping[str, Any]]) -> dict[str, objec
         people = sorted({row["people"] for row in rows if row["ended"] != FAILED})
         results |= {
             "People": ", ".join(map(str, people)),
-            "Evacuation time, mean of complete runs": _mean(estimates.mean),
             **{
-                f"Evacuation time, {estimate.name}": _interval(estimate, bool(estimates.blocked))
-                for estimate in estimates.percentiles
+                f"Evacuation time, {one.name}{' of complete runs' * (one is estimates.mean)} [s]": _noted(one)
+                for one in (estimates.mean, *estimates.percentiles)
             },
         }
     if study.step_change is not None:
-        results["Change of the mean with half the time step"] = _change(study.step_change)
+        results["Change of the mean with half the time step [s]"] = _noted(study.step_change)
     if failed:
         results["Failed runs"] = f"{failed} of {runs + failed}"
     results["Blocked runs"] = f"{blocked} of {runs}"
@@ -229,20 +203,11 @@ def _points(study: Study) -> Iterator[Section]:
     keys = parameter_keys(study)
     if not keys:
         return
-    rows = [
-        (
-            str(point.index),
-            *(as_text(point.parameters[key]) if key in point.parameters else None for key in keys),
-            estimates.runs,
-            estimates.blocked,
-            _interval(estimates.mean),
-            *(_interval(estimate, bool(estimates.blocked)) for estimate in estimates.percentiles),
-        )
-        for point, estimates in zip(study.points, study.statistics, strict=True)
+    heads, rows = points_table(study)
+    numbered = [
+        (str(point), *(None if cell is None else as_text(cell) for cell in row)) for point, row in enumerate(rows)
     ]
-    names = [estimates.name for estimates in study.statistics[0].percentiles]
-    columns = ["point", *keys, "runs", "blocked", "mean [s]", *names]
-    yield section("points", "Variants", columns=columns, rows=rows, file=_points_file(study, keys))
+    yield section("points", "Variants", columns=["point", *heads], rows=numbered, file=_points_file(study, keys))
 
 
 def _points_file(study: Study, keys: Sequence[str]) -> str:

@@ -108,12 +108,12 @@ def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[st
         if study.seeds.repetitions > 1:
             entry["variation"] = asdict(study.variation(point.index))
         rows_of_points.append(entry)
-    change = study.step_change
+    change, (runs, blocked, failed) = study.step_change, study.counts
     return {
         "title": case.title,
-        "runs": sum(each.runs + each.failed for each in study.statistics),
-        "blocked": sum(each.blocked for each in study.statistics),
-        "failed": sum(each.failed for each in study.statistics),
+        "runs": runs + failed,
+        "blocked": blocked,
+        "failed": failed,
         "first_seed": study.seeds.first,
         "rule": asdict(study.rule),
         "verdict": study.verdict,
@@ -213,8 +213,7 @@ def points_table(study: "Study") -> tuple[list[str], list[list[Any]]]:
     keys, percentile = parameter_keys(study), study.statistics[0].percentiles[-1].name
     rows = []
     for point, row in zip(study.points, study.statistics, strict=True):
-        estimates = row[study.central], row.percentiles[-1]
-        times = [f"{of.text} ({bounds})" if (bounds := of.bounds()) else of.text for of in estimates]
+        times = row[study.central].words, row.percentiles[-1].words
         blocked = f"{row.blocked} of {row.runs}" + (f", {row.failed} failed" if row.failed else "")
         said = study.verdict_at(point.index)["text"].partition(":")[0]
         rows.append([*(point.parameters.get(key) for key in keys), *times, blocked, said])

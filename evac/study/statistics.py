@@ -97,6 +97,12 @@ class Estimate:
         low = "open" if math.isnan(self.low) else time_text(self.low, form)
         return f"{low} to {time_text(self.high, form) if math.isfinite(self.high) else 'open'}"
 
+    @property
+    def words(self) -> str:
+        """The value with its interval."""
+        bounds = self.bounds()
+        return f"{self.text} ({bounds})" if bounds else self.text
+
     def row(self, over: str) -> tuple[str, str, str, str]:
         """Return the name, value and interval in words, and over what, with the note."""
         return self.name, self.text, self.bounds(), f"{over}; {self.note}".removesuffix("; ")

@@ -224,6 +224,14 @@ class Study:
             statistics(self.times(point.index), self.populations(point.index), confidence) for point in self.points
         )
 
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """Number of runs that have not failed, of blocked and of failed ones, at all points together."""
+        runs, blocked, failed = (
+            sum(getattr(of, name) for of in self.statistics) for name in ("runs", "blocked", "failed")
+        )
+        return runs, blocked, failed
+
     def safety(self, point: int) -> dict[str, Any] | None:
         """Return the compartments of a point, as in summary.json of a run, with percentiles of the required times."""
         from evac.study.outputs import safety_of
