@@ -136,8 +136,10 @@ def points_figure(
         axes.set_xticks(
             range(len(labels)), [textwrap.fill(label, 24) for label in labels], fontsize=7, rotation=30, ha="right"
         )
-    inside = axes.get_tightbbox().transformed(figure.transFigure.inverted())  # labels need more room if they are long
-    left, bottom = (max(0.0, 0.01 - edge) for edge in (inside.x0, inside.y0))
+    drawn = axes.get_tightbbox()
+    assert drawn is not None
+    low = drawn.transformed(figure.transFigure.inverted()).min
+    left, bottom = np.maximum(0.01 - low, 0.0).tolist()  # labels need more room if they are long
     figure.subplots_adjust(figure.subplotpars.left + left, figure.subplotpars.bottom + bottom)
     axes.text(0.0, 1.01, note, transform=axes.transAxes, fontsize=8, color="#52606d")
     if any(lines) and len(lines) <= MOST_LINES:
