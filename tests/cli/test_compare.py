@@ -15,3 +15,14 @@ def test_differences_are_shown_and_written(evac, tmp_path, capsys):
     assert (tmp_path / "c.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert evac("compare", tmp_path / "a") == 2
     assert "two or more" in capsys.readouterr().err
+
+
+def test_cases_are_run_with_the_same_seeds_and_compared(evac, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert evac("compare", "square_room", "square_room", "--runs", 2, "--out", "c.html") == 0
+    shown = capsys.readouterr().out
+    assert "square_room-runs: No limit set" in shown
+    assert "square_room-runs-2, compared with square_room-runs" in shown
+    page = (tmp_path / "c.html").read_text(encoding="utf-8")
+    assert page.count("<img") == 3  # curves, maximum density, waiting
+    assert (tmp_path / "square_room-runs/study.json").is_file()

@@ -200,7 +200,7 @@ def test_without_a_trajectory_the_checklist_says_what_is_missing(result):
     (result / "trajectory.evac").unlink()
     page = Page(run_report(result))
     assert page.lacks("building")
-    assert page.lacks("congestion", "maps")
+    assert page.lacks("congestion", "maps", "run_maps")
     assert not page.lacks("times", "statistics")
 
 
