@@ -169,8 +169,8 @@ def _banner(study: Study) -> str:
     return " ".join(lines)
 
 
-def _noted(estimate: Estimate) -> str:
-    return "; ".join(part for part in (estimate.words, estimate.note) if part)
+def _noted(estimate: Estimate, form: str = ".2f") -> str:
+    return "; ".join(part for part in (estimate.words(form), estimate.note) if part)
 
 
 def _results(study: Study, rows: Sequence[Mapping[str, Any]]) -> dict[str, object]:
@@ -190,7 +190,7 @@ def _results(study: Study, rows: Sequence[Mapping[str, Any]]) -> dict[str, objec
             },
         }
     if study.step_change is not None:
-        results["Change of the mean with half the time step [s]"] = _noted(study.step_change)
+        results["Change of the mean with half the time step [s]"] = _noted(study.step_change, "+.2f")
     if failed:
         results["Failed runs"] = f"{failed} of {runs + failed}"
     results["Blocked runs"] = f"{blocked} of {runs}"

@@ -213,7 +213,7 @@ def points_table(study: "Study") -> tuple[list[str], list[list[Any]]]:
     keys, percentile = parameter_keys(study), study.statistics[0].percentiles[-1].name
     rows = []
     for point, row in zip(study.points, study.statistics, strict=True):
-        times = row[study.central].words, row.percentiles[-1].words
+        times = row[study.central].words(), row.percentiles[-1].words()
         blocked = f"{row.blocked} of {row.runs}" + (f", {row.failed} failed" if row.failed else "")
         said = study.verdict_at(point.index)["text"].partition(":")[0]
         rows.append([*(point.parameters.get(key) for key in keys), *times, blocked, said])

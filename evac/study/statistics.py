@@ -97,11 +97,10 @@ class Estimate:
         low = "open" if math.isnan(self.low) else time_text(self.low, form)
         return f"{low} to {time_text(self.high, form) if math.isfinite(self.high) else 'open'}"
 
-    @property
-    def words(self) -> str:
-        """The value with its interval."""
-        bounds = self.bounds()
-        return f"{self.text} ({bounds})" if bounds else self.text
+    def words(self, form: str = ".2f") -> str:
+        """Return the value with its interval, in a format."""
+        value, bounds = time_text(self.value, form), self.bounds(form)
+        return f"{value} ({bounds})" if bounds else value
 
     def row(self, over: str) -> tuple[str, str, str, str]:
         """Return the name, value and interval in words, and over what, with the note."""

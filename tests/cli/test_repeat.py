@@ -65,7 +65,7 @@ def test_half_the_step_is_shown_beside_the_interval(evac, tmp_path, capsys):
     assert re.search(rf"change .*mean +\{change['value']:+.2f} +{bounds} +8 pairs", out)
     assert re.search(r"evac: .*--set simulation\.step=0\.05", err)
     assert evac("report", "r") == 0
-    assert f"{change['value']:+.2f} s (" in (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
+    assert f"{change['value']:+.2f} (" in (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
 
 
 def test_failed_runs_are_named_and_the_status_is_an_error(evac, tmp_path, capsys):

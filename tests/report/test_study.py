@@ -131,7 +131,7 @@ def test_a_sweep_has_its_points(tmp_path):
     case = load_case("square_room", CASE)
     found = evac.sweep(case, {"people.0.name": ["a", "<b>"]}, 2, folder=tmp_path / "sweep", workers=1)
     page = Page(study_report(found.folder))
-    means = [of.mean.words for of in found.statistics]
+    means = [of.mean.words() for of in found.statistics]
     assert [row[:3] for row in page.table("at each point")[1:]] == [["0", "a", means[0]], ["1", "<b>", means[1]]]
     assert "points" in page.of("id")
     assert "people.0.name\na\n<b>\n" in page.text
