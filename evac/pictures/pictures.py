@@ -139,7 +139,7 @@ def points_figure(
     drawn = axes.get_tightbbox()
     assert drawn is not None
     low = drawn.transformed(figure.transFigure.inverted()).min
-    left, bottom = np.maximum(0.01 - low, 0.0).tolist()  # labels need more room if they are long
+    left, bottom = np.maximum(0.01 - np.array(low), 0.0).tolist()  # labels need more room if they are long
     figure.subplots_adjust(figure.subplotpars.left + left, figure.subplotpars.bottom + bottom)
     axes.text(0.0, 1.01, note, transform=axes.transAxes, fontsize=8, color="#52606d")
     if any(lines) and len(lines) <= MOST_LINES:
