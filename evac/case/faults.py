@@ -1,7 +1,7 @@
 """Faults of a case: one list of checks, each of which yields what is wrong, with its key and the remedy."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +17,10 @@ from evac.contract.registry import Registry
 from evac.directions.routes import STRATEGIES
 
 Classes = Mapping[str, type[Configurable]]
+
+
+#: Text of the fault of an alarm that nobody hears.
+NOT_HEARD = "no behaviour of the case acts on an alarm; add one, such as [behaviours.response_time]"
 
 
 class Draft(NamedTuple):
@@ -36,6 +40,8 @@ def checked(content: dict[str, Any], folder: Path, registry: Registry) -> tuple[
     except ValidationError as error:
         found += _without_repeats(faults_of(error, Case), content)
     found += [fault for check in CHECKS for fault in check(draft)]
+    if draft.case is not None:
+        found += [fault for check in CHECKS_OF_CASE for fault in check(draft, draft.case)]
     return draft.case, [*{fault.key: fault for fault in found}.values()]
 
 
@@ -214,10 +220,8 @@ def _has_behaviour(draft: Draft, trait: str) -> bool:
     return any(name not in known or getattr(known[name], trait) for name in used)
 
 
-def _places(draft: Draft) -> Iterator[Fault]:
+def _places(draft: Draft, case: Case) -> Iterator[Fault]:
     """Check places, and groups and events that name them."""
-    if (case := draft.case) is None:
-        return
     follows_signs, areas = _has_behaviour(draft, "follows_signs"), [place.area for place in case.place]
     for index, place in enumerate(case.place):
         if place.area is not None and place.area in areas[:index]:
@@ -238,10 +242,8 @@ def _places(draft: Draft) -> Iterator[Fault]:
             yield Fault(("event", index, "value"), "name either exits or assembly areas, not both")
 
 
-def _events(draft: Draft) -> Iterator[Fault]:
+def _events(draft: Draft, case: Case) -> Iterator[Fault]:
     """Check what events refer to: others, groups and behaviours of the case."""
-    if (case := draft.case) is None:
-        return
     names, groups = [one.name for one in case.events], [group.name for group in case.people]
     hears_alarms = _has_behaviour(draft, "hears_alarms")
     for index, one in enumerate(case.event):
@@ -253,8 +255,7 @@ def _events(draft: Draft) -> Iterator[Fault]:
         if one.kind == "strategy" and one.target not in groups:
             yield Fault((*key, "target"), f"there is no group {one.target!r}; {did_you_mean(one.target, groups)}")
         if one.kind == "alarm" and not hears_alarms:
-            text = "no behaviour of the case acts on an alarm; add one, such as [behaviours.response_time]"
-            yield Fault((*key, "kind"), text)
+            yield Fault((*key, "kind"), NOT_HEARD)
         if one.kind != "alarm" and not one.target:
             yield Fault((*key, "target"), f"missing; name what to {one.kind.replace('_', '-')}")
         if not is_one_line(one.target):
@@ -269,18 +270,17 @@ def _events(draft: Draft) -> Iterator[Fault]:
             yield Fault((*key, "when", "event"), text)
 
 
-def _phases(draft: Draft) -> Iterator[Fault]:
+def _phases(draft: Draft, case: Case) -> Iterator[Fault]:
     """Check that a behaviour acts on the alarms of phases, and that their cues exist."""
-    for index, phase in enumerate(() if draft.case is None else draft.case.phase):
-        if not _has_behaviour(draft, "hears_alarms"):
-            text = "no behaviour of the case acts on an alarm; add one, such as [behaviours.response_time]"
-            yield Fault(("phase", index, "name"), text)
-        events = () if draft.case is None else draft.case.events
-        known = [one.name for one in events if one.name not in (None, phase.name)]
+    hears_alarms = _has_behaviour(draft, "hears_alarms")
+    for index, phase in enumerate(case.phase):
+        if not hears_alarms:
+            yield Fault(("phase", index, "name"), NOT_HEARD)
+        known = [one.name for one in case.events if one.name is not None and one.name != phase.name]
         if phase.cue is not None and phase.cue not in known:
-            hint = did_you_mean(phase.cue, [str(name) for name in known])
+            hint = did_you_mean(phase.cue, known)
             yield Fault(("phase", index, "cue"), f"there is no other event or phase {phase.cue!r}; {hint}")
-        elif phase.name in (circle := _followed(events, phase.alarms[0])):
+        elif phase.name in (circle := _followed(case.events, phase.alarms[0])):
             yield Fault(("phase", index, "cue"), f"{', '.join(circle)} wait for each other; give one of them no cue")
 
 
@@ -293,11 +293,9 @@ def _followed(events: tuple[EventSettings, ...], one: EventSettings) -> list[str
     return found
 
 
-def _states(draft: Draft) -> Iterator[Fault]:
+def _states(draft: Draft, case: Case) -> Iterator[Fault]:
     """Check the time between recorded states."""
-    if draft.case is None:
-        return
-    every, settings = draft.case.output.every, draft.case.simulation
+    every, settings = case.output.every, case.simulation
     if not is_multiple(every, settings.tick):
         below = max(1, int(every / settings.tick))
         how = f"use {below * settings.tick:.6g} or {(below + 1) * settings.tick:.6g}"
@@ -311,8 +309,6 @@ def _states(draft: Draft) -> Iterator[Fault]:
         yield Fault(("output", "every"), text)
 
 
-#: The checks of a case in the order in which their faults are told.
-CHECKS: tuple[Callable[[Draft], Iterator[Fault]], ...] = (
-    *(_presets, _contact, _conditions, _smoke, _plugins, _settings_of_groups),
-    *(_files, _unique_names, _places, _events, _phases, _states),
-)
+#: The checks of a case in the order in which their faults are told; the last ones need valid keys.
+CHECKS = (_presets, _contact, _conditions, _smoke, _plugins, _settings_of_groups, _files, _unique_names)
+CHECKS_OF_CASE = (_places, _events, _phases, _states)

@@ -171,6 +171,8 @@ def test_a_steep_shaft_beside_a_misspelt_key_is_told_with_its_key_and_a_length()
     table["areas"] = [{"name": "start", "storey": "low", "polgon": [[0, 3], [9, 3], [9, 6]]}]
     told = [(one.item, one.storey, one.remedy.partition(" = ")[0]) for one in errors_of(table)]
     assert told == [("areas.start", "low", "polygon"), ("shafts.shaft", "low", "length")]
+    table["storeys"][0]["wal"] = 0.1  # no error follows of the storey that is like it
+    assert [one.item for one in errors_of(table)] == ["storeys.low", "areas.start"]
 
 
 def test_the_remedy_of_doors_without_a_wall_is_the_wall_of_their_storey():

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from shapely.geometry.base import BaseGeometry
-
-from evac.base.arrays import FloatArray
 from evac.base.defaults import LONGEST_NAME
 from evac.base.errors import BuildingError, is_one_line
-from evac.building.geometry import place_of
 
 if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+    from evac.base.arrays import FloatArray
     from evac.building.model.building import Level
 
 Value = TypeVar("Value")
@@ -109,8 +108,12 @@ class Finding:
         return f"level {self.level!r} at {at}" if at else f"level {self.level!r}"
 
     def __str__(self) -> str:
-        remedy = f"; remedy: {', '.join(self.remedy.splitlines())}" if self.remedy else ""
-        return f"{self.where}: {self.text}{remedy}" if self.where else f"{self.text}{remedy}"
+        return f"{self.where}: {self.text}{self.advice}" if self.where else f"{self.text}{self.advice}"
+
+    @property
+    def advice(self) -> str:
+        """The remedy as the end of a sentence; empty if there is none."""
+        return f"; remedy: {', '.join(self.remedy.splitlines())}" if self.remedy else ""
 
 
 def as_findings(given: "tuple[Finding | str, ...] | list[Finding | str]") -> tuple[Finding, ...]:
@@ -156,10 +159,8 @@ def and_more(group: Sequence[Finding]) -> str:
 def refusal(source: Path, errors: Sequence[Finding]) -> BuildingError:
     """Return one error with a line for each of some errors; copies of an item that have the same one share a line."""
     of_items = [[one for one in errors if one.item == item] for item in dict.fromkeys(one.item for one in errors)]
-    lines = []
-    for own in (group for errors_of_item in of_items for group in grouped(errors_of_item)):
-        remedy = f"; remedy: {', '.join(own[0].remedy.splitlines())}" if own[0].remedy else ""
-        lines.append(f"{source}: {own[0].text}{and_more(own)}{remedy}")
+    groups = (group for errors_of_item in of_items for group in grouped(errors_of_item))
+    lines = (f"{source}: {first.text}{and_more([first, *rest])}{first.advice}" for first, *rest in groups)
     refused = BuildingError("\n".join(lines))
     refused.findings = tuple(errors)
     return refused
@@ -167,12 +168,18 @@ def refusal(source: Path, errors: Sequence[Finding]) -> BuildingError:
 
 @contextmanager
 def noting(
-    errors: list[Finding], what: str, item: str, level: str | None = None, at: BaseGeometry | FloatArray | None = None
+    errors: list[Finding],
+    what: str,
+    item: str,
+    level: str | None = None,
+    at: "BaseGeometry | FloatArray | None" = None,
 ) -> Iterator[None]:
     """Collect a ValueError as an error about an item, at a shape or in the middle of a segment."""
     try:
         yield
     except ValueError as error:
+        from evac.building.geometry import place_of  # imports shapely, which the keys of a case do not need
+
         errors.append(Finding("error", f"{what}: {error}", level, None if at is None else place_of(at), item))
 
 

@@ -42,7 +42,7 @@ from evac.building.plan.outlines import (
     written,
 )
 from evac.building.plan.plan import Item, Stair
-from evac.building.plan.rooms import check_storey, expanded, key_of
+from evac.building.plan.rooms import check_storey, expanded, key_of, originals
 from evac.building.surface.surfacemesh import Height, SurfaceMesh
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ class Drawing:
     def __init__(self, plan: "Plan") -> None:
         self.errors: list[Finding] = []
         self.declared, self.plan = {*plan.storeys, *plan.refused}, expanded(plan, self.errors)
-        self._given = plan.storeys
+        self._given = plan
         self.findings = [finding for finding in plan.findings if finding.kind != "error"]
         self.floors: dict[str, BaseGeometry] = {}
         self.rooms: dict[str, BaseGeometry] = {}  # the floors before anything is cut out of them
@@ -108,6 +108,8 @@ class Drawing:
         self._find_low_storeys()
         self._find_areas_beside_floors()
         surfaces: list[Drawn] = [*self._ground(), *(drawn for drawn in obstacles if drawn is not None)]
+        if not surfaces:
+            return None
         for name, pieces in self.pieces.items():
             surfaces += [((f"stair:{name}",), piece.plan, piece.height) for piece in pieces]
         edges = []
@@ -220,8 +222,7 @@ class Drawing:
         beside = [room for room in self.plan.storeys[name].polygons if covered(along(room, ends, SNAP), ends) > length]
         if self.plan.storeys[name].wall or len(beside) < 2:
             return False
-        while (like := self._given[name].like) is not None:
-            name = like
+        name = [name, *originals(self._given, name)][-1]
         text = f"storey {door.storey!r}: the rooms beside door {door.name!r} touch, and there is no wall between them"
         self.errors.append(Finding("error", text, door.storey, place_of(ends), f"storeys.{name}", "wall = 0.1"))
         return True

@@ -19,7 +19,7 @@ from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.drawing import Drawing
 from evac.building.plan.plan import Item, Plan
 from evac.building.plan.plantable import table_of
-from evac.building.plan.rooms import key_of
+from evac.building.plan.rooms import key_of, originals
 from evac.building.surface.build import build_building
 from evac.building.surface.surfacemesh import SurfaceMesh
 
@@ -102,10 +102,7 @@ class _Drawn:
         trial.storeys, trial.refused = rest.storeys, rest.refused
         near = {row[key] for key in ("storey", "lower", "upper") if key in row}
         if section != "shafts":
-            like = [one.like for name, one in rest.storeys.items() if name in near]
-            while like := [one for one in like if one is not None and one not in near]:
-                near.update(like)
-                like = [rest.storeys[one].like for one in like if one in rest.storeys]
+            near.update(*(originals(rest, name) for name in near.intersection(rest.storeys)))
             trial.storeys = {name: one for name, one in rest.storeys.items() if name in near}
         for kind in ("rooms", "obstacles"):
             others = [item for item in getattr(rest, kind) if (kind, item.name) != (section, row["name"])]

@@ -31,7 +31,15 @@ def expanded(plan: Plan, errors: list[Finding]) -> Plan:
     flat, order = copy.copy(plan), dict[str, list[str]]()
     for name in plan.storeys:
         with noting(errors, f"storey {name!r}", f"storeys.{name}", name):
-            order[name] = _originals(plan, name)
+            chain = originals(plan, name)
+            like = plan.storeys[[name, *chain][-1]].like
+            if like in plan.storeys:
+                raise ValueError("like: it is like itself; name another storey")
+            if like is not None and like not in plan.refused:
+                hint = did_you_mean(like, list(plan.storeys))
+                raise ValueError(f"like: no storey is named {like!r}; {hint}")
+            if like is None:
+                order[name] = chain
     declared = {*plan.storeys, *plan.refused}
     for room in plan.rooms:
         with noting(errors, f"room {room.name!r}", f"rooms.{room.name}", None, room.outline):
@@ -81,17 +89,12 @@ def check_storey(storeys: Collection[str], name: str) -> None:
         raise ValueError(f"no storey is named {name!r}; {did_you_mean(name, list(storeys))}")
 
 
-def _originals(plan: Plan, name: str) -> list[str]:
-    """Return the storeys that a storey is like, directly or through others."""
-    found: list[str] = []
-    while (like := plan.storeys[found[-1] if found else name].like) is not None:
-        if like not in plan.storeys:
-            hint = did_you_mean(like, list(plan.storeys))
-            raise ValueError(f"like: no storey is named {like!r}; {hint}")
-        if like in (name, *found):
-            raise ValueError("like: it is like itself; name another storey")
-        found.append(like)
-    return found
+def originals(plan: Plan, name: str) -> list[str]:
+    """Return the storeys that a storey is like, directly or through others, as far as they are known."""
+    found = [name]
+    while (like := plan.storeys[found[-1]].like) in plan.storeys and like not in found:
+        found.append(str(like))
+    return found[1:]
 
 
 def _copied(section: str, item: Named, original: str, storey: str) -> Named:
