@@ -1,23 +1,57 @@
 """Changes of a scene during a run: plain records, which are applied by the scene and recorded in the trajectory."""
 
+import numbers
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from numbers import Real
-from typing import Any
+from typing import Any, Self
+
+from pydantic import ValidationError, model_validator
 
 from evac.base.errors import is_one_line
+from evac.base.keys import Real, Table, Whole, key, wrong
 
 #: Least share of their speeds at which people walk in a slow area; areas that nobody shall enter are barred.
 LEAST_SHARE = 0.01
 
-#: Value of a change that closes a link for bodies alone, so that ways lead through it and people wait.
-BODIES = "bodies"
+#: Values of a change that closes a link for bodies alone, so that ways lead through it and people wait; that closes a
+#: stair to those who would enter it, until those on it have left; and that closes it at once.
+BODIES, LEAVE, ALL = "bodies", "leave", "all"
+
+#: How each value closes a link, for a person.
+CLOSED: dict[Any, str] = {BODIES: "closed for bodies alone", LEAVE: "closed to those who would enter"}
+
+
+class Control(Table):
+    """How an exit, portal or door lets people through: one after the other, so many, or when its leaf is open."""
+
+    every: Real | None = key("least time between two people who are let through", "s", None, gt=0, le=3600)
+    most: Whole | None = key("number of people after whom it closes", "", None, ge=1)
+    delay: Real | None = key(
+        "time after which its leaf opens when somebody has come before it", "s", None, ge=0, le=3600
+    )
+    hold: Real | None = key(
+        "time after which its leaf closes when nobody is before it any more", "s", None, ge=0, le=3600
+    )
+
+    def __str__(self) -> str:
+        words = "one person in {:g} s", "closes after {} people", "opens after {:g} s", "closes by itself after {:g} s"
+        values = self.every, self.most, self.delay, self.hold
+        return ", ".join(text.format(value) for text, value in zip(words, values, strict=True) if value is not None)
+
+    @model_validator(mode="after")
+    def _controls(self) -> Self:
+        if not self.model_fields_set:
+            raise wrong("every", "missing; give every, most, delay or hold")
+        return self
+
 
 #: What the value of each kind of change may be.
 REMEDIES = {
     "open": "no value",
-    "close": f'no value, or "{BODIES}" for bodies alone',
+    "close": f'no value, "{BODIES}" for bodies alone, or for a stair "{LEAVE}" or "{ALL}"',
+    "no_entry": "no value, or false to lift it",
+    "control": "a table with every, most, delay or hold, or false to lift it",
     "one_way": '"up", "down", "in", "out", the name of the level or area ahead, or false for both directions',
     "slow": f"a share of the speed from {LEAST_SHARE:g} to 1",
     "bar": "no value, or false to lift it",
@@ -31,7 +65,11 @@ def is_legal(kind: str, value: Any) -> bool:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     match kind:
         case "close":
-            return value in (None, BODIES)
+            return value in (None, BODIES, LEAVE, ALL)
+        case "no_entry":
+            return value is None or value is False
+        case "control":
+            return value is False or (isinstance(value, dict) and control_of(value) is not None)
         case "one_way":
             return value is False or _is_text(value)
         case "slow":
@@ -54,11 +92,12 @@ class Change:
     time : float
         Time [s] at which it takes effect: the beginning of a tick.
     kind : str
-        ``open``, ``close`` or ``one_way`` for exits, portals, stairs and doors, ``slow`` or ``bar`` for areas and
-        levels, ``strategy`` for groups, ``alarm`` for areas, levels, groups or, with an empty name, everybody.
+        ``open``, ``close``, ``one_way`` or ``control`` for exits, portals, stairs and doors, ``no_entry``, ``slow`` or
+        ``bar`` for areas, levels and stairs, ``strategy`` for groups, ``alarm`` for areas, levels, groups or, with an
+        empty name, everybody.
     what : str
         Name of what changes.
-    values : mapping of str to number, str, bool or tuple of these
+    values : mapping of str to number, str, bool, tuple of these, or the table of a control
         Further values of this kind of change, such as ``value``. When a link has closed, ``let_through`` lists
         the people whose bodies were on its line, see docs/summary.md.
     """
@@ -72,15 +111,19 @@ class Change:
         what = f"change {self.kind!r:.80} of {self.what!r:.80}"
         if not all(isinstance(text, str) and is_one_line(text) for text in (self.kind, self.what)):
             raise ValueError(f"{what}: kind and name must be texts of one line")
-        if not (isinstance(self.time, Real) and abs(self.time) <= sys.float_info.max):
+        if not (isinstance(self.time, numbers.Real) and abs(self.time) <= sys.float_info.max):
             raise ValueError(f"time of the {what}: {self.time!r:.80} is not a finite number")
         if not isinstance(self.values, Mapping):
             raise ValueError(f"values of the {what}: {self.values!r:.80} is not a dictionary")
         values = {key: tuple(value) if isinstance(value, list) else value for key, value in self.values.items()}
-        for key, value in values.items():
-            if not isinstance(key, str) or not all(map(_is_plain, value if isinstance(value, tuple) else [value])):
-                wrong = f"{key!r:.80} is {value!r:.80}"
-                raise ValueError(f"values of the {what}: {wrong}; use names, with finite numbers and texts of one line")
+        for name, value in values.items():
+            parts = [*value, *value.values()] if isinstance(value, dict) else value
+            parts = parts if isinstance(parts, tuple | list) else [parts]
+            if not isinstance(name, str) or not all(map(_is_plain, parts)):
+                wrong_one = f"{name!r:.80} is {value!r:.80}"
+                raise ValueError(
+                    f"values of the {what}: {wrong_one}; use names, with finite numbers and texts of one line"
+                )
         people = values.get("let_through", ())
         if not (isinstance(people, tuple) and all(type(person) is int and person >= 0 for person in people)):
             raise ValueError(f"values of the {what}: let_through is {people!r:.80}, not a list of people")
@@ -96,7 +139,9 @@ class Change:
         value, ends = self.values.get("value"), self.values.get("value") is False
         done = {
             "open": "opened",
-            "close": "closed for bodies alone" if value == BODIES else "closed",
+            "close": CLOSED.get(value, "closed"),
+            "no_entry": "open to those who would enter" if ends else "closed to those who would enter",
+            "control": f"controlled: {control_of(value)}" if isinstance(value, dict) else "without control",
             "one_way": "two-way" if ends else f"one-way, {value},",
             "slow": f"at {value} of the speed",
             "bar": "free" if ends else "barred",
@@ -117,6 +162,14 @@ class Change:
             case {"time": float(time), "kind": str(kind), "what": str(what), "values": dict(values)}:
                 return cls(time, kind, what, values)
         raise ValueError(f"{row!r:.100} is not a change")
+
+
+def control_of(value: Any) -> Control | None:
+    """Return the control that a table describes, None if it describes none."""
+    try:
+        return Control.model_validate(value)
+    except ValidationError:
+        return None
 
 
 def _is_text(value: Any) -> bool:

@@ -7,7 +7,7 @@ import sys
 import traceback
 import unicodedata
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from operator import attrgetter
 from pathlib import Path
@@ -18,6 +18,9 @@ T = TypeVar("T")
 #: Characters of an error's text that are shown, and of a line of a file.
 LONGEST = 1000
 LONGEST_QUOTED = 120
+
+#: Greatest number of people whom a message names.
+MOST_NAMED = 20
 
 #: Categories of Unicode that break lines, control terminals, or cannot be written: controls, surrogates, separators.
 _CONTROL = frozenset({"Cc", "Cs", "Zl", "Zp"})
@@ -93,6 +96,11 @@ class CacheWarning(EvacWarning):
 def counted(number: int, singular: str, several: str = "") -> str:
     """Return a number with its noun in the singular or plural; the plural is `one` with an s if not given."""
     return f"{number} {singular if number == 1 else several or singular + 's'}"
+
+
+def some_of(people: Sequence[int]) -> str:
+    """Return the numbers of people as text, the first `MOST_NAMED` of them."""
+    return ", ".join(map(str, people[:MOST_NAMED])) + (", ..." if len(people) > MOST_NAMED else "")
 
 
 def in_order(things: Iterable[T], name: Callable[[T], str] = attrgetter("name")) -> list[T]:

@@ -5,6 +5,7 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
+from evac.base.change import Control
 from evac.base.defaults import HEADROOM, LEAST_LENGTH, WELD
 from evac.base.keys import Coordinate, Name, Point, Real, Switch, Table, key, wrong
 
@@ -98,6 +99,11 @@ class BuildingOptions(SurfaceOptions):
         "direction of north in plan, counterclockwise from y; by default that of the file, if it tells it", "deg", None
     )
     missing: tuple[str, ...] = key("what an incomplete import lacks; every run reports it as a quality warning", "", ())
+    controls: dict[Name, Control] = key(
+        "tables `[building.controls.NAME]`: how an exit, portal, stair or door of the building lets people through",
+        "",
+        {},
+    )
     closed: tuple[str, ...] = key(
         "exits, portals, stairs and doors, by name, that are closed for the whole run", "", ()
     )

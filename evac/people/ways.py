@@ -8,8 +8,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray, IntArray
-from evac.base.errors import ScenarioError, counted
+from evac.base.arrays import BoolArray, FloatArray, IntArray
+from evac.base.change import Change
+from evac.base.errors import ScenarioError, counted, some_of
 from evac.building.model.building import DOWN, FLAT, UP, Building
 from evac.building.model.findings import Finding
 from evac.directions.fields import Fields, columns_of
@@ -63,10 +64,10 @@ def check_ways(
     since behaviours may change the route, and only if the clearance of directions is at least one cell: with less
     clearance, directions touch corners, which a point does not pass as a body does.
     """
-    waiting = _without_way(fields, crowd, groups)
-    if waiting and not may_wait:
-        group, lost = waiting[0]
-        raise ScenarioError(_unreachable(source, building, fields, crowd, group, lost, full))
+    lost = without_way(fields, crowd)
+    if lost.any() and not may_wait:
+        group = next(one for one in groups if lost[one.rows].any())
+        raise ScenarioError(_unreachable(source, building, fields, crowd, group, group.rows[lost[group.rows]], full))
     if fields.clearance < fields.packed.spacing:
         return ()
     found: list[Finding] = []
@@ -78,28 +79,42 @@ def check_ways(
     return tuple(found)
 
 
-def cut_off(building: Building, fields: Fields, crowd: Crowd, groups: "tuple[Group, ...]") -> tuple[str, ...]:
-    """Return a warning for each group of which people have no way left to any exit, or to the end of their route."""
+def cut_off(
+    building: Building,
+    fields: Fields,
+    crowd: Crowd,
+    groups: "tuple[Group, ...]",
+    since: FloatArray,
+    changes: Sequence[Change],
+) -> tuple[str, ...]:
+    """Return a line for all people of a group whom the same changes have left without a way to the end of their route.
+
+    `since` (n,) is the time from which each person has none [s], NaN for those who have one.
+    """
     lines = []
-    for group, lost in _without_way(fields, crowd, groups):
-        levels = ", ".join(repr(building.levels[level].title) for level in np.unique(crowd.level[lost]).tolist())
-        routes = np.unique(crowd.route[lost]).tolist()
-        ends = " or ".join(sorted({fields.routes[route].refuge or "any exit" for route in routes}))
-        lines.append(
-            f"people.{group.name}: {counted(len(lost), 'person', 'people')} on {levels} cannot reach {ends} any more, "
-            "so they stop; open a way"
-        )
+    for group in groups:
+        lost = group.rows[np.isfinite(since[group.rows]) & (crowd.level[group.rows] >= 0)]
+        for time in np.unique(since[lost]).tolist():
+            rows = lost[since[lost] == time]
+            levels = ", ".join(repr(building.levels[level].title) for level in np.unique(crowd.level[rows]).tolist())
+            routes = np.unique(crowd.route[rows]).tolist()
+            ends = " or ".join(sorted({fields.routes[route].refuge or "any exit" for route in routes}))
+            events = " and ".join(str(change) for change in changes if change.time == time)
+            why = f" because of: {events}" if events else ""
+            lines.append(
+                f"people.{group.name}: {counted(len(rows), 'person', 'people')} on {levels} cannot reach {ends} any "
+                f"more{why}; they stop: {some_of(rows.tolist())}"
+            )
     return tuple(lines)
 
 
-def _without_way(fields: Fields, crowd: Crowd, groups: "tuple[Group, ...]") -> "list[tuple[Group, IntArray]]":
-    """Return the groups with people inside whose travel time is infinite, and their rows; not of those who stay."""
+def without_way(fields: Fields, crowd: Crowd) -> BoolArray:
+    """Return which people inside have an infinite travel time (n,), except those who stay."""
     here, time = np.flatnonzero(crowd.level >= 0), np.zeros(len(crowd.level))
     time[here] = fields.travel_time_at(
         crowd.level[here], crowd.position[here], crowd.route[here], crowd.contact_radius[here]
     )
-    is_lost = np.isinf(time) & np.isfinite(crowd.start_time)
-    return [(group, group.rows[is_lost[group.rows]]) for group in groups if is_lost[group.rows].any()]
+    return np.isinf(time) & np.isfinite(crowd.start_time)
 
 
 def _check_walks(

@@ -30,7 +30,7 @@ def make_world(building: Building, fields: Fields) -> World:
     door_level = np.array([door.level for door in building.doors], dtype=np.int32)
     walls = np.concatenate([building.walls.reshape(-1, 4), doors, segment])
     link_open = np.ones(len(building.links), np.uint8)
-    link_open[list(building.closed)] = 0
+    link_open[list(building.closed)], link_open[[*building.controlled]] = 0, 2
     wall_level = np.concatenate([building.wall_level, door_level, link_level]).astype(np.int32)
     # Only people on levels at most two portals apart can touch each other.
     neighbours = np.eye(len(building.levels), dtype=np.int64)

@@ -160,6 +160,7 @@ def _draw_conditions(axes: Axes, building: Building, rows: Sequence[int]) -> Non
         "slow": hatched | {"hatch": "///"},
         "barred": hatched | {"hatch": "xxx"},
         "one_way": {"facecolor": palette.CLOSED, "zorder": 5},
+        "control": hatched | {"hatch": "|||", "zorder": 5},
     }
     for mark in marks_of(building):
         if mark.level in rows:

@@ -21,7 +21,7 @@ from evac.pictures.view import Camera, Label, View, aim
 
 WALL_HEIGHT, EXIT_HEIGHT = 0.45, 0.9  # [m], low enough not to hide people
 FLOOR_OPACITY = 0.8  # of floors with storeys below
-MARK_OPACITY = {"slow": 0.15, "barred": 0.35, "one_way": 1.0}
+MARK_OPACITY = {"slow": 0.15, "barred": 0.35, "one_way": 1.0, "control": 0.6}
 PLACE_OPACITY = 0.3  # of refuges and assembly areas
 DISCS = {"sign": 0.15, "fire": 0.6}  # radii of the discs of signs and fires [m]
 ABOVE = 0.03  # height of marks above the ground [m]

@@ -53,7 +53,7 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
             {
                 "since": time,
                 "shut": sorted(at.shut),
-                "entrances": sorted(at.shut - at.closed),
+                "notes": {at.link_of(way): at.note_on(way) for way in at.exits if at.note_on(way)},
                 "marks": marks_for_page(at, motion.origin),
             }
             for time, at in conditions.items()

@@ -204,7 +204,8 @@ class Results:
     entered_barred: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """For each area, the people who entered it while it was barred, because they had no other way."""
     notes: tuple[str, ...] = ()
-    """Lines on people from behaviours, such as who was missing when a class was counted (docs/behaviours.md)."""
+    """Lines on people: whose ways have closed, where they are and by which changes; and from behaviours, such as who was
+    missing when a class was counted (docs/behaviours.md)."""
     waiting_outside: Count = 0
     """Number of the people of `not_arrived` who waited outside because there was no free place."""
     warnings: tuple[str, ...] = ()
@@ -263,7 +264,8 @@ class Results:
     ] = ()
     """Changes of the building during the run, in order (docs/recipes_events.md): `time` [s] from which each holds,
     `kind`, `what`, `values`. The value `let_through` of a closing exit, portal or stair lists the people whose bodies
-    were on its line at that time, and whom alone it lets through; `warnings` lists them, too."""
+    were on its line at that time, and whom alone it lets through; `warnings` lists them, too.
+    The value of a closing stair is `"leave"` if people on it go on before it closes."""
     resumed: Sequence[Mapping[str, Any]] = ()
     """For each checkpoint from which the run was resumed: its `time` [s], and the permitted `differences` of versions,
     kernels and files."""

@@ -102,9 +102,11 @@ class Loop:
 
     def _decide(self) -> None:
         simulation = self._simulation
-        if simulation.deciding.version != simulation.scene.version:
+        if has_changed := simulation.deciding.version != simulation.scene.version:
             simulation.ending.begin_anew()
         simulation.deciding.act(simulation.time)
+        if has_changed or not simulation.step:
+            simulation.scene.note_cut_off()
         if rows := simulation.scene.take_new_ways():
             simulation.ending.begin_anew(rows)
         if simulation.building.has_areas_to_heed:
@@ -178,6 +180,7 @@ class Loop:
         if (simulation.population.sources and simulation.to_come) or (simulation.case.place and simulation.to_go_on):
             return
         exposure, can_change = simulation.exposure, bool(simulation.scene.changes_before(self._settings.duration))
+        can_change |= simulation.scene.controls.is_waiting(simulation.time)
         can_change |= exposure is not None and exposure.air.changes_after(simulation.time)
         ways = simulation.fields, can_change, simulation.can_grow
         simulation.ended = simulation.ending.reason(simulation.step, crowd, *ways)

@@ -1,12 +1,7 @@
-"""The scene: owner of building, fields and world, which changes during a run.
-
-People whose body is on the line of a link when it closes are let through: for them it is open until their body has left
-the line (`Crowd.passing`). They go through it if the way of their route did so, also if others push them back first;
-otherwise they leave it to the side on which they are.
-"""
+"""The scene: owner of building, fields and world, which changes during a run."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray, IntArray
-from evac.base.change import Change
-from evac.base.errors import BuildingError, ScenarioError, counted
+from evac.base.arrays import IntArray
+from evac.base.change import ALL, Change
+from evac.base.errors import BuildingError, ScenarioError, counted, some_of
 from evac.base.saved import Bounds, Saved, SavedError
 from evac.building.model.building import Building
 from evac.building.model.cells import MOST_FIELDS, LevelField
@@ -29,19 +24,14 @@ from evac.directions.routes import QUICKEST
 from evac.directions.smoky import Smoky
 from evac.people.places import Places
 from evac.people.population import Population
-from evac.physics.extent import extent
-from evac.physics.state import Crowd, World
+from evac.people.ways import without_way
+from evac.physics.state import World
 from evac.physics.world import make_world, set_open
+from evac.simulation.doorways import Controls, begin_to_leave, clear_doorways, let_pass, turn_round
 from evac.simulation.timetable import AT_ONCE, KINDS, check
 
 #: How people have been in an area since it was barred: not, since before, or they have entered it.
 OUTSIDE, FROM_BEFORE, ENTERED = 0, 1, 2
-
-#: Distance from a door of one direction at which people before it are let through [m]: more than they walk in a tick.
-REACH = 0.5
-
-#: Greatest number of people whom a warning names.
-MOST_NAMED = 20
 
 
 @dataclass(frozen=True)
@@ -94,9 +84,16 @@ class Scene(Saved):
         The changes so far, in order, each with the time at which it took effect.
     new_ways : list of int
         The people who have begun another way at this tick, on which progress counts anew.
+    controls : Controls
+        Whom controlled links let through.
+    cut_off_at : (n,) float64
+        Since when each person has no way left [s], NaN for those who have one.
     """
 
-    saved = ("time", "_journal", "ways_version", "quickest", "_is_in_smoke", "smoky", "local", "_owned", "_in_barred")
+    saved = (
+        *("time", "_journal", "ways_version", "quickest", "_is_in_smoke", "smoky", "local", "_owned", "_in_barred"),
+        *("controls", "cut_off_at"),
+    )
 
     def __init__(
         self,
@@ -125,6 +122,9 @@ class Scene(Saved):
         self._owned: dict[str, LevelField] = {}
         self._in_barred: dict[str, NDArray[np.uint8]] = {}  # by area, how each person has been in it
         self._solve = solve
+        number = 0 if people is None else len(people.crowd.level)
+        self.controls = Controls(number, len(self.building.links))
+        self.cut_off_at = np.full(number, np.nan)
 
     def begin(self) -> None:
         """Note that behaviours are prepared, so that no field can be added."""
@@ -206,13 +206,18 @@ class Scene(Saved):
 
     def apply_waiting(self) -> None:
         """Apply the changes whose time has come, in the order of their times."""
-        if self.people is not None and (self._held or self.building.one_way):
+        if self.people is not None and (self._held or self.building.one_way or self.building.controls):
             self._keep_open(clear_doorways(self.building, self.people.crowd))
-        if not self._waiting:
-            return
         waiting, self._waiting = sorted(self._waiting, key=lambda change: change.time), []
         for change in waiting:
             self.apply(change)
+        if self.people is None:
+            return
+        for name in sorted(self.building.emptying):
+            if not len(self.people.rows_in(self.building, name)):
+                self.apply(Change(self.time, "close", name, {"value": ALL}))
+        for link in self.controls.act(self.time, self.building, self.fields, self.people.crowd):
+            self.set_open(self.building.links[link].name, False)
 
     def changes_before(self, time: float) -> list[Change]:
         """Return the changes that lie ahead and are made before a time [s]."""
@@ -274,6 +279,7 @@ class Scene(Saved):
             "_journal": journal,
             "ways_version": Bounds(0),
             "_in_barred": Bounds(OUTSIDE, ENTERED),
+            "cut_off_at": Bounds(0.0, nan=True),
         }
 
     def _own_fields(self, fields: Fields) -> Fields:
@@ -311,7 +317,7 @@ class Scene(Saved):
         """Let those people through who were on the lines of closed links when the state was saved."""
         if self.people is not None:
             crowd, passing = self.people.crowd, self.people.crowd.passing
-            is_free = (passing >= 0) & ~np.isin(passing, [*self.building.shut, *self.building.directed])
+            is_free = (passing >= 0) & ~np.isin(passing, [*self.building.shut, *self._selective])
             passing[is_free], crowd.ahead[is_free] = -1, 0.0
             self._keep_open(set(passing[passing >= 0].tolist()))
 
@@ -325,6 +331,13 @@ class Scene(Saved):
             inside[self.people.rows_in(self.building, name)] = True
             noted[inside & (noted == OUTSIDE)] = ENTERED
             noted[~inside & (noted == FROM_BEFORE)] = OUTSIDE
+
+    def note_cut_off(self) -> None:
+        """Note who has no way left, after a change and when people have chosen among those that are left."""
+        assert self.people is not None
+        lost = without_way(self.fields, self.people.crowd)
+        self.cut_off_at[~lost] = np.nan
+        self.cut_off_at[lost & np.isnan(self.cut_off_at)] = self.time
 
     @property
     def entered(self) -> dict[str, tuple[int, ...]]:
@@ -348,17 +361,23 @@ class Scene(Saved):
 
     def _set_open(self, link: int) -> None:
         """Set the flags of a link in the world."""
-        directed = self.building.directed
         if len(self.building.links[link].levels) == 2:
-            self.world.link_from[link] = directed.get(link, -1)
-        set_open(self.world, link, 2 if link in directed else link not in self.building.shut)
+            everybody = -1 if link in self.building.controlled else self.building.directed.get(link, -1)
+            self.world.link_from[link] = everybody
+        set_open(self.world, link, 2 if link in self._selective else link not in self.building.shut)
+
+    @property
+    def _selective(self) -> set[int]:
+        """The open links that are not open for everybody."""
+        return {*self.building.directed, *self.building.controlled} - self.building.shut
 
     def set_building(self, building: Building) -> list[int]:
         """Take over a building that is in another condition; return the people on the lines of links that close."""
         if building.condition == self.building.condition:
             return []
         before, self.building = self.building, building
-        closing = building.shut - before.shut
+        controlled = {link for link, _ in before.controls ^ building.controls}
+        closing = building.shut - before.shut | controlled.intersection(building.controlled) - before.controlled.keys()
         turning = {link for link, _ in building.one_way - before.one_way} & building.directed.keys()
         on_lines: list[int] = []
         if self.people is not None:
@@ -368,7 +387,9 @@ class Scene(Saved):
                 noted = self._in_barred.setdefault(name, self._nobody())
                 rows = self.people.rows_in(building, name)
                 noted[rows[noted[rows] == OUTSIDE]] = FROM_BEFORE
-        for link in before.closed ^ building.closed | {link for link, _ in before.one_way ^ building.one_way}:
+        changing = before.closed ^ building.closed | controlled
+        self.controls.reset(changing)
+        for link in changing | {link for link, _ in before.one_way ^ building.one_way}:
             self._set_open(link)
         self.keep_doorway_open()
         if self._solve is not None and building.for_ways.condition != before.for_ways.condition:
@@ -378,114 +399,7 @@ class Scene(Saved):
         return on_lines
 
 
-def begin_to_leave(building: Building, fields: Fields, crowd: Crowd, links: Iterable[int]) -> list[int]:
-    """Mark the people whose bodies are on the lines of links that close."""
-    found: list[int] = []
-    for link in sorted(links):
-        levels, segments = building.links[link].levels, building.links[link].segments
-        _release(crowd, link)
-        there = np.flatnonzero(np.isin(crowd.level, levels) & ~crowd.ahead.any(axis=1))
-        nearest, distance, outward = _nearest_points(segments, crowd.position[there])
-        is_on = distance < extent(crowd, there, *outward.T)
-        rows, nearest, outward = there[is_on].astype(np.int32), nearest[is_on], outward[is_on]
-        here, on_line = (
-            fields.travel_time_at(crowd.level[rows], place, crowd.route[rows], crowd.contact_radius[rows])
-            for place in (crowd.position[rows], nearest)
-        )
-        is_first = crowd.level[rows] == levels[0]
-        if len(levels) == 1:  # the side is that of the position
-            is_first = _side_of(crowd.position[rows], nearest, outward) == 0
-        sense = np.where(is_first == (on_line < here), 1.0, -1.0)
-        crowd.passing[rows] = link
-        crowd.ahead[rows] = sense[:, None] * outward
-        _aim(crowd, rows, segments)
-        found += rows.tolist()
-    return sorted(found)
-
-
-def turn_round(building: Building, crowd: Crowd, links: Mapping[int, int]) -> None:
-    """Let people leave the lines of links that get one direction, to their side, if they are behind these."""
-    for link, origin in links.items():
-        levels, segments = building.links[link].levels, building.links[link].segments
-        _release(crowd, link)
-        rows = np.flatnonzero(np.isin(crowd.level, levels) & ~crowd.ahead.any(axis=1)).astype(np.int32)
-        nearest, distance, outward = _nearest_points(segments, crowd.position[rows])
-        is_door = len(levels) == 1
-        where = _side_of(crowd.position[rows], nearest, outward) if is_door else crowd.level[rows]
-        is_on = (distance < extent(crowd, rows, *outward.T)) & (where != origin)
-        crowd.passing[rows[is_on]] = link
-        crowd.ahead[rows[is_on]] = outward[is_on] * (1.0 if origin == (0 if is_door else levels[0]) else -1.0)
-        _aim(crowd, rows[is_on], segments)
-
-
-def let_pass(building: Building, crowd: Crowd) -> None:
-    """Let people through doors of one direction who are before them, without directing them."""
-    for link, side in sorted(building.directed.items()):
-        if len(building.links[link].levels) == 1:
-            levels, segments = building.links[link].levels, building.links[link].segments
-            rows = np.flatnonzero((crowd.level == levels[0]) & (crowd.passing < 0)).astype(np.int32)
-            nearest, distance, outward = _nearest_points(segments, crowd.position[rows])
-            is_before = _side_of(crowd.position[rows], nearest, outward) == side
-            crowd.passing[rows[is_before & (distance < extent(crowd, rows, *outward.T) + REACH)]] = link
-
-
-def clear_doorways(building: Building, crowd: Crowd) -> set[int]:
-    """Direct the people whom links let through, and release those who have left the line; return the links in use."""
-    used = set()
-    for link in np.unique(crowd.passing[crowd.passing >= 0]).tolist():
-        segments = building.links[link].segments
-        rows = np.flatnonzero(crowd.passing == link).astype(np.int32)
-        nearest, distance, outward = _nearest_points(segments, crowd.position[rows])
-        is_before = np.einsum("ij,ij->i", crowd.ahead[rows], nearest - crowd.position[rows]) > 0.0
-        goes_on = (crowd.level[rows] >= 0) & (is_before | (distance < extent(crowd, rows, *outward.T)))
-        crowd.passing[rows[~goes_on]], crowd.ahead[rows[~goes_on]] = -1, 0.0
-        if goes_on.any():
-            used.add(link)
-            _aim(crowd, rows[goes_on & crowd.ahead[rows].any(axis=1)], segments)
-    return used
-
-
 def doorway_warning(change: Change) -> str:
     """Return a warning that names the people who stood on the lines of links when they closed."""
     people = change.values["let_through"]
-    names = ", ".join(map(str, people[:MOST_NAMED])) + (", ..." if len(people) > MOST_NAMED else "")
-    return f"{change}: {counted(len(people), 'person', 'people')} on its line let through: {names}"
-
-
-def _release(crowd: Crowd, link: int) -> None:
-    """Take back that a link lets people through whom it does not direct."""
-    crowd.passing[(crowd.passing == link) & ~crowd.ahead.any(axis=1)] = -1
-
-
-def _side_of(position: FloatArray, nearest: FloatArray, outward: FloatArray) -> IntArray:
-    """Return the sides (n,) of a line on which positions (n, 2) are: 0 for the inside of the first level, else 1."""
-    sides: IntArray = (np.einsum("ij,ij->i", position - nearest, outward) >= 0.0).astype(np.int32)
-    return sides
-
-
-def _aim(crowd: Crowd, rows: IntArray, segments: FloatArray) -> None:
-    """Turn people on a line towards a place behind it, on the side to which they are going."""
-    position, radius = crowd.position[rows], crowd.contact_radius[rows]
-    _, _, outward = _nearest_points(segments, position)
-    sense = np.where(np.einsum("ij,ij->i", crowd.ahead[rows], outward) < 0.0, -1.0, 1.0)
-    free, _, _ = _nearest_points(segments, position, radius)
-    towards = free + (2.0 * radius * sense)[:, None] * outward - position
-    crowd.ahead[rows] = towards / np.hypot(*towards.T)[:, None]
-
-
-def _nearest_points(
-    segments: FloatArray, points: FloatArray, off_ends: FloatArray | float = 0.0
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the nearest point of a line to each of (n, 2), its distance, and the unit normal out of the first level.
-
-    `off_ends` is the distance that is kept from the ends of segments, at most half of their length; all in metres.
-    """
-    start, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
-    length = np.hypot(*along.T)
-    share = np.einsum("nsj,sj->ns", points[:, None] - start, along) / length**2
-    off = np.minimum(np.reshape(off_ends, (-1, 1)) / length, 0.5)
-    nearest = start + np.clip(share, off, 1.0 - off)[:, :, None] * along
-    distance = np.linalg.norm(points[:, None] - nearest, axis=2)
-    best = np.arange(len(points)), distance.argmin(axis=1)
-    outward = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
-    return nearest[best], distance[best], outward[best[1]]
+    return f"{change}: {counted(len(people), 'person', 'people')} on its line let through: {some_of(people)}"

@@ -26,7 +26,7 @@ from evac.people.groups import check_people
 from evac.people.outside import PeopleOutside
 from evac.people.starts import with_numbers
 from evac.people.unusual import late_starts, rivals, unusual
-from evac.people.ways import cut_off
+from evac.people.ways import cut_off, without_way
 from evac.physics.state import copy_of
 from evac.results.ending import INTERRUPTED, Ending
 from evac.results.results import Results, results_of
@@ -228,13 +228,18 @@ class Simulation(Saved):
         tuple of str
             About the building, places that are too narrow for some people, people for whom no way to an exit is wide
             enough, unusual properties of people, people who start only after the end of the run, several behaviours
-            that keep distances, people who stood in a closing doorway, and people whose ways have closed.
+            that keep distances, people who stood in a closing doorway, and, before the run, people without a way.
         """
-        crowd = self.population.crowd
         shut = [doorway_warning(change) for change in self.scene.changes if change.values.get("let_through")]
-        if self.scene.changes or self.building.closed:
-            shut += cut_off(self.building, self.fields, crowd, self.population.groups)
-        return (*warnings_of(self.findings), *shut)
+        return (*warnings_of(self.findings), *shut, *(() if self.step else self._shut_in()))
+
+    def _shut_in(self) -> tuple[str, ...]:
+        """Return a line for the people of each group whose ways have closed, with the changes that did it."""
+        if not (self.scene.changes or self.building.closed):
+            return ()
+        crowd, since = self.population.crowd, self.scene.cut_off_at
+        since = np.where(without_way(self.fields, crowd), np.fmin(since, self.time), np.nan)
+        return cut_off(self.building, self.fields, crowd, self.population.groups, since, self.scene.changes)
 
     def _found_at_start(self) -> tuple[Finding, ...]:
         """Return the findings about building and people before the first step; those without a place are warnings."""
@@ -335,7 +340,7 @@ class Simulation(Saved):
             seed=self.seed,
             places=self.places.found(),
             entered_barred=self.scene.entered,
-            notes=self.deciding.notes(),
+            notes=(*self._shut_in(), *self.deciding.notes()),
             warnings=self.warnings(),
             report=self.engine.contact_report(self.contact) | {"promised_overlap": self.watch.promised},
             chatter=self.watch.chatter(),

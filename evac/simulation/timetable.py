@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from evac.base.arrays import IntArray
-from evac.base.change import REMEDIES, Change, is_legal
+from evac.base.change import LEAVE, REMEDIES, Change, is_legal
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.base.saved import Bounds, Saved
@@ -52,11 +53,15 @@ def _check_building(scene: "Scene", change: Change) -> None:
 
 
 def _change_building(scene: "Scene", change: Change) -> Mapping[str, Any] | None:
-    building = changed(scene.building, change)
+    own = {}
+    if change.kind == "close" and "value" not in change.values and scene.building.pieces_of(change.what):
+        assert scene.people is not None
+        own = {"value": LEAVE} if len(scene.people.rows_in(scene.building, change.what)) else {}
+    building = changed(scene.building, replace(change, values={**change.values, **own}))
     if building is scene.building:
         return None
     let_through = scene.set_building(building)
-    return {"let_through": tuple(let_through)} if let_through else {}
+    return {**own, "let_through": tuple(let_through)} if let_through else own
 
 
 def _group_of(scene: "Scene", change: Change) -> tuple[int, IntArray, "Places"]:
@@ -115,7 +120,7 @@ _BUILDING = Kind(_check_building, _change_building)
 
 #: All kinds of change.
 KINDS = {
-    **dict.fromkeys(("open", "close", "one_way", "slow", "bar"), _BUILDING),
+    **dict.fromkeys(("open", "close", "no_entry", "control", "one_way", "slow", "bar"), _BUILDING),
     "strategy": Kind(_check_strategy, _change_strategy),
     "alarm": Kind(_find_people, lambda scene, change: {}),  # on which behaviours act
 }

@@ -10,6 +10,7 @@ from shapely.geometry import mapping, shape
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.change import Control
 from evac.building.model.building import Area, Building, Door, Exit, Level, Place, Portal
 from evac.building.model.findings import as_findings
 
@@ -57,6 +58,7 @@ def building_to_json(building: Building) -> dict[str, Any]:
         "warnings": list(building.warnings),
         "closed": sorted(building.closed),
         "north": building.north,
+        "controls": [[link, control.model_dump(exclude_none=True)] for link, control in building.controlled.items()],
     }
 
 
@@ -89,5 +91,6 @@ def building_from_json(data: Mapping[str, Any]) -> Building:
         findings=as_findings(tuple(data["warnings"])),
         closed=frozenset(data["closed"]),
         north=data.get("north"),
+        controls=frozenset((link, Control.model_validate(control)) for link, control in data.get("controls", ())),
         **parts,
     )

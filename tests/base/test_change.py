@@ -7,14 +7,17 @@ from evac.base.change import REMEDIES, is_legal
 #: Values that a kind takes; all others of the table are refused.
 LEGAL = {
     "open": [None],
-    "close": [None],
-    "one_way": [False, "up"],
+    "close": [None, "leave"],
+    "no_entry": [None, False],
+    "control": [False, {"every": 2.0}, {"most": 3, "delay": 0.0, "hold": 1.0}],
+    "one_way": [False, "up", "leave"],
     "slow": [0.5, 1.0],
     "bar": [None, False, True],
-    "strategy": ["up", ("door", "back"), ()],
+    "strategy": ["up", "leave", ("door", "back"), ()],
     "alarm": [None, 0.5, 1.0, 0.0],
 }
 VALUES = [None, False, True, "up", ("door", "back"), (), ("door", 5), 0.0, 0.5, 1.0, 1.5, -0.5, [1]]
+VALUES += ["leave", {"every": 2.0}, {"most": 3, "delay": 0.0, "hold": 1.0}, {}, {"every": 0.0}, {"most": 1.5}]
 
 
 @pytest.mark.parametrize("kind", LEGAL)

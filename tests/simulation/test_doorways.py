@@ -94,7 +94,7 @@ def stairs():
 def test_who_stands_between_a_storey_and_a_closing_stair_goes_on_and_nobody_else_does(stairs):
     simulation = Simulation(stairs)
     closes = 6.0
-    simulation.scene.apply(evac.Change(closes, "close", "stair"))
+    simulation.scene.apply(evac.Change(closes, "close", "stair", {"value": "all"}))
     results = simulation.run()
     let_through = results.changes[0].values["let_through"]
     person, portal, time = results.crossings

@@ -4,14 +4,16 @@ import re
 from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.change import Control
 from evac.base.errors import ResultError
 from evac.base.parameters import did_you_mean
 from evac.building.model.findings import Finding, warnings_of
@@ -284,6 +286,10 @@ class Building:
         with their level or -1, from outside, and doors with the side of their segment, 0 for the left.
     awaited : frozenset of int
         Links through which ways lead even while they are closed or of the other direction: people wait before them.
+    controls : frozenset of (int, Control)
+        Open links that let people through in another way than all at once.
+    emptying : frozenset of str
+        Stairs that close when those on them have left.
     slowed : frozenset of (str, float)
         Areas, or levels, in which people walk at a share of their speeds, each with this share.
     barred : frozenset of str
@@ -320,6 +326,8 @@ class Building:
     costs: frozenset[tuple[str, float]] = frozenset()
     jumps: frozenset[Jump] = frozenset()
     north: float | None = None
+    controls: frozenset[tuple[int, Control]] = frozenset()
+    emptying: frozenset[str] = frozenset()
 
     def __repr__(self) -> str:
         exits = ", ".join(exit_.name for exit_ in self.exits) or "none"
@@ -419,13 +427,15 @@ class Building:
     @property
     def condition(self) -> Hashable:
         """All that changes of a scene can change: equal for buildings that are the same at two times of a run."""
-        return self.closed, self.one_way, self.slowed, self.barred, self.awaited, self.costs, self.jumps
+        own = self.closed, self.one_way, self.slowed, self.barred, self.awaited, self.costs, self.jumps
+        return *own, self.controls, self.emptying
 
     @cached_property
     def for_ways(self) -> "Building":
         """The building in which ways are planned: the links at which people wait are open."""
-        others = frozenset(one for one in self.one_way if one[0] not in self.awaited)
-        return replace(self, closed=self.closed - self.awaited, one_way=others, awaited=frozenset())
+        others, none = frozenset(one for one in self.one_way if one[0] not in self.awaited), frozenset[Any]()
+        closed = self.closed - self.awaited
+        return replace(self, closed=closed, one_way=others, awaited=none, controls=none, emptying=none)
 
     def cost_of(self, end: "Exit | Area") -> float:
         """Return the cost of an exit or an area at which a way ends [s]."""
@@ -462,6 +472,11 @@ class Building:
         exits = range(len(self.portals), self.n_links)
         return {link: origin for link, origin in self.one_way if link not in self.closed and link not in exits}
 
+    @cached_property
+    def controlled(self) -> dict[int, Control]:
+        """The open links that are controlled, in the order of their numbers."""
+        return {link: control for link, control in sorted(self.controls, key=itemgetter(0)) if link not in self.closed}
+
     def is_open(self, link: Link) -> bool:
         """Return whether people inside can pass a portal, exit or door."""
         return self.link_of(link) not in self.shut
@@ -472,9 +487,15 @@ class Building:
         return link not in self.closed and (link, way.level) not in self.one_way
 
     def label_of(self, exit_: Exit) -> str:
-        """Return the name of an exit, and in parentheses whether it is closed or lets people only in."""
-        note = "" if self.is_open(exit_) else " (entrance only)" if self.lets_in(exit_) else " (closed)"
-        return f"{exit_.name}{note}"
+        """Return the name of an exit, and in parentheses what `note_on` says."""
+        note = self.note_on(exit_)
+        return f"{exit_.name} ({note})" if note else exit_.name
+
+    def note_on(self, exit_: Exit) -> str:
+        """Return whether an exit is closed or lets people only in, or how it is controlled; empty for others."""
+        if not self.is_open(exit_):
+            return "entrance only" if self.lets_in(exit_) else "closed"
+        return str(self.controlled.get(self.link_of(exit_), ""))
 
     def leads_from(self, portal: Portal, level: int) -> bool:
         """Return whether a portal can be passed from one of its levels."""

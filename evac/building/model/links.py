@@ -1,17 +1,21 @@
 """Portals, exits and stairs by name, their closing, and the levels from which exits can be reached."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import shapely
 
-from evac.base.change import BODIES, Change
+from evac.base.change import BODIES, LEAVE, Change, Control
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
 from evac.building.geometry import connected_components, place_of
 from evac.building.model.building import Area, Building, Door, Exit, Portal
 from evac.building.model.findings import Finding, item_of
+
+#: Distance from the outline of an area within which a link leads into it [m].
+ON_OUTLINE = 0.05
 
 
 def links_named(building: Building, name: str) -> frozenset[int]:
@@ -62,12 +66,8 @@ def _origin(building: Building, link: int, towards: str) -> int:
 def _side_from(building: Building, door: Door, towards: str) -> int:
     """Return the side of a door from which an area is reached through it: 0 for the left of its segment, or 1."""
     areas = {area.name: area for area in building.areas if area.level == door.level}
-    ends = door.segment.reshape(2, 2)
-    along = ends[1] - ends[0]
-    across = 0.5 * door.width * np.array([-along[1], along[0]]) / np.hypot(*along)
     if towards in areas:
-        sides = shapely.points(ends.mean(axis=0) + across * np.array([[1.0], [-1.0]]))
-        left, right = shapely.distance(areas[towards].polygon, sides)
+        left, right = shapely.distance(areas[towards].polygon, _sides(door))
         if left != right:
             return int(left < right)
     known = did_you_mean(towards, list(areas))
@@ -80,17 +80,25 @@ def changed(building: Building, change: Change) -> Building:
     """Return a building after a change, or itself if the change does not concern it or has no effect."""
     value = change.values.get("value")
     match change.kind:
+        case "close" if value == LEAVE:
+            after = replace(_without_entry(building, change.what), emptying=building.emptying | {change.what})
         case "open" | "close":
             links = links_named(building, change.what)
             is_open = change.kind == "open"
             closed = building.closed - links if is_open else building.closed | links
             awaited = building.awaited | links if value == BODIES else building.awaited - links
-            after = replace(building, closed=closed, awaited=awaited)
+            if change.what in building.emptying:
+                building = replace(_without_entry(building, change.what, ends=True))
+            after = replace(building, closed=closed, awaited=awaited, emptying=building.emptying - {change.what})
+        case "no_entry":
+            after = _without_entry(building, change.what, ends=value is False)
+        case "control":
+            names = {change.what: None if value is False else Control.model_validate(value)}
+            after = with_controls(building, names)
         case "one_way":
             links = links_named(building, change.what)
-            others = {one for one in building.one_way if one[0] not in links}
             ways = {(link, _origin(building, link, value)) for link in links if isinstance(value, str)}
-            after = replace(building, one_way=frozenset(others | ways))
+            after = replace(building, one_way=_replaced(building.one_way, links, ways))
         case "slow":
             name, share = _area(building, change.what), float(1.0 if value is None else value)
             slowed = {one for one in building.slowed if one[0] != name}
@@ -102,6 +110,54 @@ def changed(building: Building, change: Change) -> Building:
         case _:
             return building
     return building if after.condition == building.condition else after
+
+
+def _replaced(pairs: frozenset[tuple[int, Any]], links: Collection[int], new: set[tuple[int, Any]]) -> frozenset[Any]:
+    """Return pairs that begin with a link, in which new ones take the place of those of some links."""
+    return frozenset({one for one in pairs if one[0] not in links} | new)
+
+
+def with_controls(building: Building, controls: Mapping[str, Control | None]) -> Building:
+    """Return a building with controls of links by name, None for no control."""
+    for name, control in controls.items():
+        links = links_named(building, name)
+        new = set() if control is None else {(link, control) for link in links}
+        building = replace(building, controls=_replaced(building.controls, links, new))
+    return building
+
+
+def _without_entry(building: Building, name: str, ends: bool = False) -> Building:
+    """Return a building in which the links of an area, level, stair or shaft lead out of it only, or no more so."""
+    parts = building.parts_named(_area(building, name))
+    ways = {(link, side) for part in parts for link, side in _ways_out(building, part, {one.level for one in parts})}
+    if not ways:
+        raise BuildingError(
+            f"{building.source}: nothing leads into {name!r} that could be closed; name a stair or level"
+        )
+    return replace(building, one_way=_replaced(building.one_way, {link for link, _ in ways}, set() if ends else ways))
+
+
+def _ways_out(building: Building, part: Area, inside: Collection[int]) -> Iterable[tuple[int, int]]:
+    """Yield the links on the outline of a part, each with where it is passed from to leave it, as `one_way`."""
+    for number, link in enumerate(building.links):
+        if part.level not in link.levels:
+            continue
+        if isinstance(link, Door):
+            off = shapely.distance(part.polygon, _sides(link)).tolist()
+            if min(off) == 0.0 < max(off):
+                yield number, off.index(0.0)
+        elif not (isinstance(link, Portal) and link.other(part.level) in inside):
+            middle = shapely.points(link.segments.reshape(-1, 2, 2).mean(axis=1))
+            if (shapely.distance(part.polygon, middle) < ON_OUTLINE).all():
+                yield number, part.level
+
+
+def _sides(door: Door) -> Any:
+    """Return a point on either side of a door, to the left of its segment first."""
+    ends = door.segment.reshape(2, 2)
+    along = ends[1] - ends[0]
+    across = 0.5 * door.width * np.array([-along[1], along[0]]) / np.hypot(*along)
+    return shapely.points(ends.mean(axis=0) + across * np.array([[1.0], [-1.0]]))
 
 
 def _area(building: Building, name: str) -> str:

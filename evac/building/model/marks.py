@@ -13,12 +13,15 @@ from evac.building.model.building import Building, Door, Level, Portal
 ARROW = np.array([[0.0, -0.06], [0.62, -0.06], [0.62, -0.2], [1.0, 0.0], [0.62, 0.2], [0.62, 0.06], [0.0, 0.06]])
 
 
+#: Width of the strip at a controlled link, on each side [m].
+STRIP = 0.2
+
 #: Holes of a floor up to this area are drawn as furniture [m2].
 FURNITURE = 4.0
 
 
 class Mark(NamedTuple):
-    """A shape on a level: a ``slow`` or ``barred`` area, or the arrow of a link of one direction (``one_way``)."""
+    """A shape on a level: a ``slow`` or ``barred`` area, the arrow of a ``one_way`` link, the strip of ``control``."""
 
     kind: str
     level: int
@@ -35,7 +38,16 @@ def marks_of(building: Building) -> list[Mark]:
     """Return the slow and barred areas of a building as it is at a time, then the arrows of its links."""
     kinds = {name: "slow" for name, _ in building.slowed} | dict.fromkeys(building.barred, "barred")
     marks = [Mark(kinds[name], one.level, one.polygon) for name in sorted(kinds) for one in building.parts_named(name)]
-    return marks + [_arrow(building, link, origin) for link, origin in sorted(building.one_way)]
+    marks += [_arrow(building, link, origin) for link, origin in sorted(building.one_way)]
+    return marks + [_strip(building, link) for link in building.controlled]
+
+
+def _strip(building: Building, link: int) -> Mark:
+    """Return the strip of floor at the line of a controlled link, on its flattest level."""
+    way = building.links[link]
+    level = min(way.levels, key=lambda index: building.levels[index].slope)
+    line = shapely.multilinestrings(way.segments.reshape(-1, 2, 2))
+    return Mark("control", level, line.buffer(STRIP, cap_style="flat").intersection(building.levels[level].polygon))
 
 
 def _arrow(building: Building, link: int, origin: int) -> Mark:

@@ -119,7 +119,8 @@ class Drawing:
         try:
             uses = {room.name: (room.use or "", room.number) for room in plan.rooms if room.is_area}
             mesh = SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings, self.doors, uses)
-            return replace(mesh, north=plan.north)
+            controls = {one.name: one.control for one in (*plan.doors, *plan.exits) if one.control is not None}
+            return replace(mesh, north=plan.north, controls=controls)
         except ValueError as error:
             self.errors.append(Finding("error", str(error)))
         return None
@@ -307,7 +308,7 @@ class Drawing:
         """Make flights and landings, cut the floors away from them, and join them to the floors."""
         plan = self.plan
         ends: list[tuple[Stair, str, str, FloatArray, FloatArray]] = []
-        for stair in plan.stairs:
+        for stair in (one.clear for one in plan.stairs):
             with self._noting_stair(stair):
                 for storey in (stair.lower, stair.upper):
                     check_storey(self.declared, storey)

@@ -9,6 +9,7 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
+from evac.base.change import Control
 from evac.base.defaults import DOOR_REACH, FARTHEST, HEADROOM
 from evac.base.errors import BuildingError, counted
 from evac.building.model.findings import Finding
@@ -53,7 +54,21 @@ class Stair:
     landings: int
     turn: str | None
     gap: float
+    handrails: float = 0.0
     key: str | None = None  # of the shaft of which it is a part
+
+    @property
+    def clear(self) -> "Stair":
+        """The stair between its handrails; its landings are as deep as before."""
+        if not self.handrails:
+            return self
+        lower, upper = (
+            None if edge is None else np.round(edge + self.handrails * np.outer([1.0, -1.0], _along(edge)), 6)
+            for edge in (self.lower_edge, self.upper_edge)
+        )
+        assert lower is not None
+        depth = float(np.hypot(*(self.lower_edge[1] - self.lower_edge[0]))) if self.landing is None else self.landing
+        return replace(self, lower_edge=lower, upper_edge=upper, landing=depth, gap=self.gap + 2.0 * self.handrails)
 
 
 @dataclass(frozen=True)
@@ -111,6 +126,7 @@ class Item:
     reach: float = DOOR_REACH
     outside: str = "refuse"
     tie: Tie | None = None
+    control: Control | None = None
     key: str | None = None  # of the room that it is, or of what it repeats on another storey
 
 
@@ -290,6 +306,7 @@ class Plan:
         landings: int | None = None,
         turn: str | None = None,
         gap: float = 0.1,
+        handrails: float = 0.0,
     ) -> None:
         """Add a stair between two storeys: straight, straight with landings, or U-shaped with a half landing.
 
@@ -317,14 +334,16 @@ class Plan:
             Side of the second flight of a U-shaped stair, seen in upward direction, if `upper_edge` is not given.
         gap : float [m]
             Gap between the two flights, if `turn` is given.
+        handrails : float [m]
+            Width at each side of its flights on which nobody walks, as that of handrails or of a boundary layer.
 
         Raises
         ------
         BuildingError
             The name is already used, or the arguments do not define a stair.
         """
-        values = (name, lower, lower_edge, upper, upper_edge, length, direction, landing, landings, turn, gap)
-        self.stairs.append(self._checked("stair", values))
+        values = (name, lower, lower_edge, upper, upper_edge, length, direction, landing, landings, turn)
+        self.stairs.append(self._checked("stair", (*values, gap, handrails)))
 
     def shaft(
         self,
@@ -345,6 +364,7 @@ class Plan:
         landings: int | None = None,
         turn: str | None = None,
         gap: float = 0.1,
+        handrails: float = 0.0,
     ) -> None:
         """Add a stair through several storeys: a stair from each storey to the next, above each other.
 
@@ -356,7 +376,7 @@ class Plan:
         name : str
         lower, upper : str
             Names of the lowest and of the highest storey.
-        lower_edge, upper_edge, length, direction, landing, landings, turn, gap
+        lower_edge, upper_edge, length, direction, landing, landings, turn, gap, handrails
             Of each stair, as for `stair`.
         foot : (x, y) [m]
             Instead of `lower_edge`: its middle, with `width` and `direction`.
@@ -390,7 +410,7 @@ class Plan:
                 f"{self.source}: {what}: kind must be 'straight', or 'dog-leg' with turn or with upper_edge and length"
             )
         run = length if rise is None else 1.0
-        values = (name, lower, lower_edge, upper, upper_edge, run, direction, landing, landings, turn, gap)
+        values = (name, lower, lower_edge, upper, upper_edge, run, direction, landing, landings, turn, gap, handrails)
         stair = replace(self._checked("shaft", values), length=length)
         self.shafts.append(Shaft(**vars(stair), kind=kind, rise=rise, going=going))
 
@@ -403,13 +423,18 @@ class Plan:
             raise BuildingError(f"{self.source}: {what}: give upper_edge or length")
         if given.turn not in (None, "left", "right") or (given.turn is not None and given.upper_edge is not None):
             raise BuildingError(f"{self.source}: {what}: turn must be 'left' or 'right', given instead of upper_edge")
-        self._check_numbers(what, 0.0, length=given.length, landing=given.landing, gap=given.gap)
+        self._check_numbers(
+            what, 0.0, length=given.length, landing=given.landing, gap=given.gap, handrails=given.handrails
+        )
         way = None if given.direction is None else self._vector(what, "direction", given.direction)
         edge = None if given.upper_edge is None else self._segment(what, "upper_edge", given.upper_edge)
         count = 1 if given.landing is not None and given.landings is None else given.landings or 0
         if count and given.landing is None:
             raise BuildingError(f"{self.source}: {what}: landings requires a landing depth, such as landing = 1.5")
         foot = self._segment(what, "lower_edge", given.lower_edge)
+        width = min(float(np.hypot(*(one[1] - one[0]))) for one in (foot, edge) if one is not None)
+        if given.handrails >= 0.5 * width:
+            raise BuildingError(f"{self.source}: {what}: handrails must be less than half its width of {width:.2f} m")
         return replace(given, lower_edge=foot, upper_edge=edge, direction=way, landings=count)
 
     def flight(
@@ -460,7 +485,14 @@ class Plan:
         self.pieces.append((stair, "landing", (shapes, self._number(what, "z", z))))
 
     def door(
-        self, name: str, storey: str, segment: Shape, *, reach: float = DOOR_REACH, outside: str = "refuse"
+        self,
+        name: str,
+        storey: str,
+        segment: Shape,
+        *,
+        reach: float = DOOR_REACH,
+        outside: str = "refuse",
+        control: Mapping[str, Any] | None = None,
     ) -> None:
         """Add a door: an opening in the wall between two rooms.
 
@@ -479,6 +511,8 @@ class Plan:
         outside : "refuse", "exit" or "opening"
             Meaning of a door with a room on one side only: an error, an exit, or an opening that `evac import`
             suggests as an exit.
+        control : mapping
+            How it lets people through, such as ``{"every": 2.0}``: the keys of `evac.base.change.Control`.
 
         Raises
         ------
@@ -489,9 +523,18 @@ class Plan:
         if outside not in OUTSIDE:
             raise BuildingError(f"{self.source}: {what}: outside must be one of {', '.join(OUTSIDE)}, not {outside!r}")
         self._number(what, "reach", reach, least=0.0)
-        self.doors.append(replace(self._line(what, name, storey, segment), reach=float(reach), outside=outside))
+        line = replace(self._line(what, name, storey, segment), control=self._control(what, control))
+        self.doors.append(replace(line, reach=float(reach), outside=outside))
 
-    def exit(self, name: str, storey: str, segment: Shape | None = None, *, polygon: Shape | None = None) -> None:
+    def exit(
+        self,
+        name: str,
+        storey: str,
+        segment: Shape | None = None,
+        *,
+        polygon: Shape | None = None,
+        control: Mapping[str, Any] | None = None,
+    ) -> None:
         """Add an exit; people leave the building when their centre crosses it.
 
         Parameters
@@ -504,6 +547,8 @@ class Plan:
         polygon : shape
             Instead of a segment: ground outside. It is cut out of the floor, and every edge that it then shares with
             the floor is part of the exit.
+        control : mapping
+            As for `door`.
 
         Raises
         ------
@@ -514,11 +559,12 @@ class Plan:
         self._check_new("exits", name, [way.name for way in self.exits])
         if (segment is None) == (polygon is None):
             raise BuildingError(f"{self.source}: {what}: give either segment or polygon, and not both")
+        own = self._control(what, control)
         if segment is None:
-            self.exits.append(Item(name, storey, None, self._polygons(f"exits.{name}", storey, polygon)))
+            self.exits.append(Item(name, storey, None, self._polygons(f"exits.{name}", storey, polygon), control=own))
             return
         several = segment if isinstance(segment, list) and segment and not any(map(is_point, segment)) else [segment]
-        self.exits += [self._line(what, name, storey, one) for one in several]
+        self.exits += [replace(self._line(what, name, storey, one), control=own) for one in several]
 
     def opening(self, storey: str, segment: Shape, name: str = "") -> None:
         """Add an opening to the outside that is not declared as an exit; `evac import` suggests it as an exit.
@@ -686,6 +732,11 @@ class Plan:
             return Item(name, storey, tie=self._tie(f"{what}: segment", given, ("side", "at", "width")))
         return Item(name, storey, self._segment(what, "segment", given))
 
+    def _control(self, what: str, given: Any) -> Control | None:
+        if given is None or isinstance(given, Control):
+            return given
+        return Control.read(given, BuildingError, f"{self.source}: {what}: control.")
+
     def _tie(self, what: str, given: Any, known: tuple[str, ...]) -> Tie:
         rooms, values = given["rooms"], {key: value for key, value in given.items() if key != "rooms"}
         most = 1 if "inset" in known else 2
@@ -721,6 +772,12 @@ class Plan:
         if value < least:
             raise BuildingError(f"{self.source}: {what}: {key} must be at least {least:g}, not {value:g}")
         return float(value)
+
+
+def _along(edge: FloatArray) -> FloatArray:
+    """Return the unit vector along an edge (2, 2)."""
+    way: FloatArray = (edge[1] - edge[0]) / np.hypot(*(edge[1] - edge[0]))
+    return way
 
 
 def _is_tie(given: Any) -> bool:

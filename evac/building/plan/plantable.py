@@ -191,6 +191,8 @@ def _stair(stair: Stair) -> dict[str, Any]:
         del given["landings"]
     if stair.turn is None:
         del given["gap"]
+    if not stair.handrails:
+        del given["handrails"]
     return given
 
 
@@ -206,7 +208,8 @@ def _item(item: Item) -> dict[str, Any]:
         shape: Any = _given(item.tie, "rooms", "side", "at", "width", "inset")
     else:
         shape = _plain(item.segment) if item.segment is not None else _shape(item.polygons)
-    return {"name": item.name or "unnamed", "storey": item.storey, "segment" if is_line else "polygon": shape}
+    table = {"name": item.name or "unnamed", "storey": item.storey, "segment" if is_line else "polygon": shape}
+    return table if item.control is None else table | {"control": item.control.model_dump(exclude_none=True)}
 
 
 def _plain(value: Any) -> Any:

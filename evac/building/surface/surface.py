@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
+from evac.base.change import Control
 from evac.base.errors import BuildingError
 from evac.building.geometry import least_height, plan_area
 from evac.building.model.findings import Finding, refusal
@@ -45,6 +46,7 @@ class Surface:
     # tuple of (str, (2, 3) float64) [m]: name and ends of each door between rooms
     doors: tuple[tuple[str, FloatArray], ...] = ()
     uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)  # use and people of areas
+    controls: Mapping[str, Control] = field(default_factory=dict)
     doubts: tuple[Finding, ...] = ()  # those of the findings that errors repeat, since they may tell the cause
 
 
@@ -107,9 +109,8 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     gradient = -normal[:, :2] / normal[:, 2:] + 0.0
     is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= options.flat_angle
     doors = tuple((name, scale * ends) for name, ends in mesh.doors)
-    return Surface(
-        vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), doors, mesh.uses, doubts
-    )
+    kept = doors, mesh.uses, mesh.controls, doubts
+    return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), *kept)
 
 
 def _is_fitted(vertices: FloatArray, triangles: IndexArray) -> BoolArray:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
+from evac.base.change import Control
 from evac.base.errors import BuildingError, PluginError
 from evac.building.geometry import GRID, points_on, rounded, triangulate
 from evac.building.model.findings import Finding, as_findings, repaired, with_repaired_names
@@ -56,6 +57,8 @@ class SurfaceMesh:
         Use and number of people of areas, by their names; see `Area`.
     north : float [degrees]
         Direction of north in plan, counterclockwise from y; None if it is not known.
+    controls : mapping of str to Control
+        How exits and doors let people through, by their names.
     """
 
     points: ArrayLike
@@ -67,6 +70,7 @@ class SurfaceMesh:
     doors: Sequence[tuple[str, ArrayLike]] = ()
     uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)
     north: float | None = None
+    controls: Mapping[str, Control] = field(default_factory=dict)
 
     @classmethod
     def of_polygons(
@@ -147,6 +151,7 @@ class TriangleMesh:
     findings: tuple[Finding, ...]
     doors: tuple[tuple[str, FloatArray], ...] = ()  # tuple of (str, (2, 3) float64) [units of the file]
     uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)
+    controls: Mapping[str, Control] = field(default_factory=dict)
 
 
 def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
@@ -188,7 +193,9 @@ def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
         if len(at) != 2 or not np.isfinite(at).all():
             text = f"the importer's door {name!r} is {at.tolist()}; it must be two finite points (x, y, z)"
             raise PluginError(f"{source}: {text}")
-    return TriangleMesh(source, points, triangles, cell_tags, edge_tags, tuple(notes), tuple(doors), uses)
+    return TriangleMesh(
+        source, points, triangles, cell_tags, edge_tags, tuple(notes), tuple(doors), uses, mesh.controls
+    )
 
 
 def _as_array(source: Path, name: str, values: ArrayLike, dtype: Any, shape: tuple[int, ...]) -> Any:

@@ -91,7 +91,7 @@ class Labels {
     if (to) this.rename(item, to.name);
     if (item.kind === "exit") {
       const note = this.record.noteOn(item.index, state);
-      item.span.className = note ? "closed" : "exit";
+      item.span.className = state.shut.includes(this.record.building.portals.length + item.index) ? "closed" : "exit";
       this.rename(item, note ? `${item.name} (${note})` : item.name);
     }
     const boxes = to ? new Map() : item.boxes, places = SIDES[to ? "pointer" : item.kind === "storey" && !layout.isPlan ? "column" : item.kind] ?? SIDES.any;

@@ -94,7 +94,7 @@ function glowMesh(layout, storey, { shut, marks }, colours) {
     }
   };
   for (const place of building.places) carpet(place, colours.places[place.kind], ["sign", "fire"].includes(place.kind) ? 0.9 : 0.3, 0.02);
-  for (const mark of marks) carpet(mark, colours.closed, { slow: 0.18, barred: 0.4, one_way: 0.9 }[mark.kind], 0.03);
+  for (const mark of marks) carpet(mark, colours.closed, { slow: 0.18, barred: 0.4, one_way: 0.9, control: 0.6 }[mark.kind], 0.03);
   return values;
 }
 

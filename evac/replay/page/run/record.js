@@ -104,9 +104,6 @@ class Record {
   // What is shut and marked in the building at a time.
   stateAt(time) { return this.states.findLast(({ since }) => since <= time + 1e-9); }
 
-  // What a state makes of an exit: nothing, if people can leave by it.
-  noteOn(exit, { shut, entrances }) {
-    const link = this.building.portals.length + exit;
-    return entrances.includes(link) ? "entrance only" : shut.includes(link) ? "closed" : "";
-  }
+  // What a state makes of an exit: nothing, if everybody can leave by it.
+  noteOn(exit, { notes }) { return notes[this.building.portals.length + exit] ?? ""; }
 }
