@@ -204,8 +204,8 @@ class Results:
     entered_barred: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """For each area, the people who entered it while it was barred, because they had no other way."""
     notes: tuple[str, ...] = ()
-    """Lines on people: whose ways have closed, where they are and by which changes; and from behaviours, such as who was
-    missing when a class was counted (docs/behaviours.md)."""
+    """Lines on people: whose ways have closed, where they are and by which changes; and from behaviours, such as who
+    was missing when a class was counted (docs/behaviours.md)."""
     waiting_outside: Count = 0
     """Number of the people of `not_arrived` who waited outside because there was no free place."""
     warnings: tuple[str, ...] = ()

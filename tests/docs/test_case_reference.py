@@ -57,5 +57,5 @@ def test_every_distribution_is_listed():
 def test_every_quantity_has_a_unit():
     text = reference()
     for name in ("weld", "spacing", "mass", "tau", "speed", "tick", "every", "positions"):
-        (row,) = [row for row in text.splitlines() if row.startswith(f"| `{name}` |")]
+        row, *_ = [row for row in text.splitlines() if row.startswith(f"| `{name}` |")]
         assert row.split("|")[3].strip(), name
