@@ -26,7 +26,7 @@ class Control(Table):
     """How an exit, portal or door lets people through: one after the other, so many, or when its leaf is open."""
 
     every: Real | None = key("least time between two people who are let through", "s", None, gt=0, le=3600)
-    most: Whole | None = key("number of people after whom it closes", "", None, ge=1)
+    most: Whole | None = key("number of people after whom it closes", "", None, ge=1, le=1_000_000)
     delay: Real | None = key(
         "time after which its leaf opens when somebody has come before it", "s", None, ge=0, le=3600
     )
