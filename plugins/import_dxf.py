@@ -292,9 +292,11 @@ class DxfImporter(Importer):
                 x1, y1, x2, y2 = ground.bounds
                 size = f"{x2 - x1 - APART:.1f} x {y2 - y1 - APART:.1f} m"
                 text, lost = f"lines on {size} apart from the others enclose no room", place_of(ground)
-                layers = Counter(f"layer {one.layer!r}" for one in drawn if one.line.intersects(ground))
-                for layer, number in layers.items():
-                    plan.note("left out", text, place=lost, element=layer, number=number)
+                own = [one for one in drawn if one.line.intersects(ground)]
+                is_storey = any(one.use in ("doors", "stairs") for one in own)
+                for layer, number in Counter(f"layer {one.layer!r}" for one in own).items():
+                    kind, more = ("missing", "; close its walls") if is_storey else ("left out", "")
+                    plan.note(kind, text + more, place=lost, element=layer, number=number)
                 grounds.remove(ground)
         numbers = [*range(1, len(grounds) + 1)]
         if self.plan:

@@ -129,7 +129,7 @@ def rooms_of(
     jambs = [side for _, pair in found if len(pair) == 2 for side in (pair[:, :2], pair[:, 2:])]
     glass += [shapely.LineString(jamb) for jamb in jambs] + _joining(ends[~is_long], drawn.pieces)
     ways = np.concatenate([*(pair for _, pair in found), across]).reshape(-1, 4)
-    closed = _noded([*drawn.pieces, *_as_lines(ways), *glass])
+    closed = _noded([*drawn.pieces, *_as_lines(ways), *glass, *_end_faces(across, drawn.pieces)])
     mouths = _mouths(drawn.pieces, _floor_of(closed, ways, body), door)
     closed = _noded([*closed, *_as_lines(mouths)])
     rooms = _floor_of(closed, np.concatenate([ways, mouths]), body)
@@ -220,6 +220,25 @@ def reaching(doors: FloatArray, walls: Sequence[BaseGeometry] | Lines) -> FloatA
             ends.append(end + (far - BESIDE) * way)
         found.append(np.concatenate(ends))
     return np.array(found).reshape(-1, 4)
+
+
+def _end_faces(doors: FloatArray, walls: Lines) -> list[BaseGeometry]:
+    """Return the end faces of walls beside doors (k, 4) whose two sides end there without one."""
+    if not len(walls):
+        return []
+    nodes, _, count = _nodes(walls)
+    free, found = nodes[count == 1], []
+    for door in doors.reshape(-1, 2, 2):
+        way = (door[1] - door[0]) / np.hypot(*(door[1] - door[0]))
+        for end in door:
+            along, off = (free - end) @ way, (free - end) @ [-way[1], way[0]]
+            near = np.abs(off) + 1e3 * (np.abs(along) > BETWEEN_PANES)
+            sides = [
+                free[is_side][near[is_side].argmin()] for is_side in (off > BESIDE, off < -BESIDE) if is_side.any()
+            ]
+            if len(sides) == 2 and np.hypot(*(sides[1] - sides[0])) < THICKEST_WALL:
+                found.append(shapely.LineString([sides[0], end, sides[1]]))
+    return found
 
 
 def _is_at(places: Sequence[BaseGeometry], line: BaseGeometry) -> bool:
