@@ -23,7 +23,11 @@ from evac.building.importer import Importer, optional_library
 from evac.building.plan.plan import Plan
 from evac.building.recover.drawings import (
     APART,
+    LEAST_PLAN,
+    RADII,
+    DrawnFlight,
     DrawnStair,
+    Swing,
     add_fitting,
     doors_of,
     flights_of,
@@ -284,20 +288,24 @@ class DxfImporter(Importer):
 
     def _add_plans(self, plan: Plan, drawn: "list[Drawn]") -> None:
         """Add a storey for each plan of a drawing, from its walls."""
-        grounds = plans_of([one.line for one in drawn if one.use in ("walls", "windows", "doors")])
+        built = [one for one in drawn if one.use in ("walls", "windows", "doors")]
+        grounds = plans_of([one.line for one in built])
+        owned = [[one for one in drawn if one.line.intersects(ground)] for ground in grounds]
+        area = shapely.union_all(grounds)
+        shapely.prepare(area)
+        few = [one for one in built if not area.intersects(one.line)]
+        text = f"lines apart from the plans, with less than {LEAST_PLAN:.0%} of the walls of the largest one"
+        _note_lines(plan, "left out", few, text, area)
         if len(grounds) > 1:
-            rooms = [self._rooms_in([one for one in drawn if one.line.intersects(ground)])[0] for ground in grounds]
-            stray = [ground for ground, own in zip(grounds, rooms, strict=True) if own is None or own.floor.is_empty]
-            for ground in stray if len(stray) < len(grounds) else ():
-                x1, y1, x2, y2 = ground.bounds
-                size = f"{x2 - x1 - APART:.1f} x {y2 - y1 - APART:.1f} m"
-                text, lost = f"lines on {size} apart from the others enclose no room", place_of(ground)
-                own = [one for one in drawn if one.line.intersects(ground)]
-                is_storey = any(one.use in ("doors", "stairs") for one in own)
-                for layer, number in Counter(f"layer {one.layer!r}" for one in own).items():
-                    kind, more = ("missing", "; close its walls") if is_storey else ("left out", "")
-                    plan.note(kind, text + more, place=lost, element=layer, number=number)
-                grounds.remove(ground)
+            rooms = [self._rooms_in(own)[0] for own in owned]
+            closed = [row for row, one in enumerate(rooms) if one is not None and not one.floor.is_empty]
+            for row in {*range(len(grounds))} - {*closed} if closed else ():
+                x1, y1, x2, y2 = grounds[row].buffer(-APART / 2).bounds
+                text = f"lines on {x2 - x1:.1f} x {y2 - y1:.1f} m apart from the others enclose no room"
+                is_storey = any(one.use in ("doors", "stairs") for one in owned[row])
+                kind, more = ("missing", "; close its walls") if is_storey else ("left out", "")
+                _note_lines(plan, kind, owned[row], text + more, grounds[row])
+            grounds, owned = ([given[row] for row in closed or range(len(rooms))] for given in (grounds, owned))
         numbers = [*range(1, len(grounds) + 1)]
         if self.plan:
             words = re.split(r"\s*,\s*", self.plan.strip())
@@ -310,7 +318,7 @@ class DxfImporter(Importer):
             plan.note("assumed", f"{len(grounds)} plans, numbered from the left and the top; {text}")
         storeys: dict[str, list[Drawn]] = {}
         for index, number in enumerate(numbers):
-            own = [one for one in drawn if one.line.intersects(grounds[number - 1])]
+            own = owned[number - 1]
             name = self.storey if len(numbers) == 1 else f"{self.storey} {number}"
             if storeys:
                 move, share = _move_above([*storeys.values()][-1], own)
@@ -323,7 +331,7 @@ class DxfImporter(Importer):
             self._add_items(plan, own, name)
         _add_stairs(plan, storeys)
 
-    def _rooms_in(self, drawn: "list[Drawn]") -> "tuple[Rooms | None, list[BaseGeometry], list[Drawn]]":
+    def _rooms_in(self, drawn: "list[Drawn]") -> "tuple[Rooms | None, list[BaseGeometry], list[tuple[Drawn, Swing]]]":
         """Return the rooms between walls and doors, None without walls, lines of walls, and arcs that are no doors."""
         walls = [one for one in drawn if one.use == "walls" and (one.is_solid or not one.is_fill)]
         arcs = [one for one in drawn if one.is_curve and one.use not in ("windows", "stairs")]
@@ -333,8 +341,9 @@ class DxfImporter(Importer):
         panes = [one for one in drawn if one.use == "windows"]
         leaves = [side for one in drawn if not one.is_curve and one.use != "stairs" for side in one.sides]
         doors, swings = doors_of(swings, [one.line for one in (*walls, *panes) if not one.is_curve], leaves)
-        lost = [arc for arc, swing in swung if arc.use == "doors" and not any(swing is one for one in swings)]
-        swept = shapely.union_all([swing.sector for swing in swings]).buffer(LEAF)
+        lost = [pair for pair in swung if pair[0].use == "doors" and not any(pair[1] is one for one in swings)]
+        treads = [flight.ground.buffer(CLOSED) for flight in _flights_in(drawn)]
+        swept = shapely.union_all([*(swing.sector.buffer(LEAF) for swing in swings), *treads])
         shapely.prepare(swept)
         lines = [wall.line for wall in walls if not swept.covers(wall.line)]
         lines += _jambs([wall.line for wall in walls if swept.covers(wall.line)], lines)
@@ -352,9 +361,15 @@ class DxfImporter(Importer):
     def _add_plan(self, plan: Plan, drawn: "list[Drawn]", storey: str, z: float) -> None:
         """Add one storey from walls and doors."""
         rooms, lines, lost = self._rooms_in(drawn)
-        for arc in lost:
-            text = f"the arc of a door of {arc.line.length:.2f} m is at no wall, or too large for one"
-            plan.note("left out", text, storey, place_of(arc.line), element=f"layer {arc.layer!r}")
+        for arc, swing in lost:
+            is_door = RADII[0] <= swing.radius <= RADII[1]
+            text = f"an arc on {arc.layer!r} with a radius of {swing.radius:.2f} m " + (
+                "is a door at no wall: move it to the wall, or to a layer that is not named like doors"
+                if is_door
+                else "is no door"
+            )
+            kind = "missing" if is_door else "left out"
+            plan.note(kind, text, storey, place_of(arc.line), element=f"layer {arc.layer!r}")
         if rooms is None or rooms.floor.is_empty:
             self._add_storey(plan, storey, [], z, lines or [one.line for one in drawn])
             return
@@ -475,6 +490,14 @@ class Drawn:
         return lines_of(self.line)
 
 
+def _note_lines(plan: Plan, kind: str, lines: Sequence[Drawn], text: str, ground: BaseGeometry) -> None:
+    """Add a finding on lines, for each of their layers, at the ground around them, or else at one of them."""
+    for layer, number in Counter(one.layer for one in lines).items():
+        line = next(one.line for one in lines if one.layer == layer)
+        place = place_of(ground if ground.intersects(line) else line)
+        plan.note(kind, text, place=place, element=f"layer {layer!r}", number=number)
+
+
 def _with_walls(plan: Plan, drawn: list[Drawn]) -> list[Drawn]:
     """Return lines of a drawing whose layers are not named like walls with the walls found by the spacing of lines."""
     unknown: dict[str, list[BaseGeometry]] = {}
@@ -509,12 +532,15 @@ def _move_above(lower: Sequence[Drawn], upper: Sequence[Drawn]) -> tuple[FloatAr
     return np.round(moves[best], 6), shares[best]
 
 
+def _flights_in(drawn: Sequence[Drawn]) -> list[DrawnFlight]:
+    return flights_of([side for one in drawn if one.use not in ("windows", "doors") for side in one.sides])
+
+
 def _add_stairs(plan: Plan, storeys: Mapping[str, Sequence[Drawn]]) -> None:
     """Add the stairs that are drawn in plans to the one above; propose what may be none, or does not fit."""
     drawn = {}
     for name, own in storeys.items():
-        sides = [side for one in own if one.use not in ("windows", "doors") for side in one.sides]
-        drawn[name] = stairs_of(flights_of(sides), [one.line for one in own if one.use == "walls"])
+        drawn[name] = stairs_of(_flights_in(own), [one.line for one in own if one.use == "walls"])
     added: dict[str, tuple[DrawnStair, str, str]] = {}
     for lower, upper in itertools.zip_longest(storeys, [*storeys][1:]):
         below = [stair for stair, _, top in added.values() if top == lower]

@@ -3,6 +3,7 @@
 import pytest
 
 from tests.importing.strangers import FORMATS
+from tests.importing.strangers.drawings import MANNERS, dxf
 from tests.importing.strangers.judge import REFUSED, RIGHT, VERDICTS, judge
 
 #: How many of 20 must be right, by format; the rest is refused with the true reason.
@@ -12,6 +13,13 @@ WANTED = dict.fromkeys(("dxf", "geojson", "osmjson", "osm", "imdf"), 19) | {"fds
 @pytest.mark.parametrize(("name", "seed"), [("osm", 2), ("fds", 1)])
 def test_a_stranger_is_right(tmp_path, name, seed):
     assert judge(FORMATS[name](seed, tmp_path), tmp_path / "case") == (RIGHT, [])
+
+
+@pytest.mark.parametrize(
+    "manner", [pytest.param(one, marks=() if one == "arrows" else pytest.mark.slow) for one in MANNERS]
+)
+def test_a_drawing_is_right_in_the_manner_of_any_office(tmp_path, manner):
+    assert judge(dxf(300, tmp_path, manner), tmp_path / "case") == (RIGHT, [])
 
 
 @pytest.mark.slow

@@ -281,6 +281,28 @@ def test_a_stair_that_does_not_fit_is_missing(tmp_path):
     assert any("'drawn stair 1'" in one for one in made.missing)
 
 
+def test_a_door_at_no_wall_is_missing(tmp_path):
+    drawing = double_lines("m", None, "walls", "doors")
+    drawing.swing((7.2, 2.2), 0.9, 0.0, "doors", leaf=0.0)
+    drawing.swing((2.8, 2.2), 0.3, 0.0, "doors")  # of a cupboard
+    drawing.document.saveas(tmp_path / "a.dxf")
+    made = import_building([tmp_path / "a.dxf"], tmp_path / "case", people=8)
+    (missing,) = made.missing
+    assert "0.90 m" in missing
+
+
+def test_a_plan_that_is_not_closed_is_missing(tmp_path):
+    drawing = two_plans()
+    for y in (0, 4):
+        drawing.line([(40, y), (54, y)], "WALL")
+    drawing.line([(70, 0), (71, 0)], "WALL")  # of a legend
+    drawing.swing((42.0, 0.0), 0.9, 0.0, "DOOR", leaf=90.0)
+    drawing.document.saveas(tmp_path / "a.dxf")
+    made = import_building([tmp_path / "a.dxf"], tmp_path / "case", people=8, options={"plan": "1"})
+    assert any("enclose no room" in one for one in made.missing)
+    assert any(one.kind == "left out" and one.place and one.place[0] >= 70 for one in made.findings)
+
+
 def test_a_plan_is_above_another_one_where_their_walls_are(tmp_path):
     """The upper storey ends at the inner wall, and its door swings out to the left."""
     drawing = Drawing("m")

@@ -116,32 +116,29 @@ class DrawnStair:
 def stairs_of(flights: Sequence[DrawnFlight], walls: Sequence[BaseGeometry]) -> list[DrawnStair]:
     """Return the stairs of flights: two that are side by side are one.
 
-    `walls` [m]: its half landing is at the end of two flights that is nearer to a wall, unless an arrow says where.
+    `walls` [m]: the half landing is at the end of two flights that is nearer to one.
     """
     left, found = [*flights], list[DrawnStair]()
     tree = shapely.STRtree([*walls])
     while left:
-        first = left.pop(0)
-        second = next((other for other in left if _are_beside(first, other)), None)
-        if second is None:
-            found.append(DrawnStair(first.foot, first.head, {}, first.is_directed, first.ground))
+        one = left.pop(0)
+        other = next((other for other in left if _are_beside(one, other)), None)
+        if other is None:
+            found.append(DrawnStair(one.foot, one.head, {}, one.is_directed, one.ground))
             continue
-        left.remove(second)
-        if second.is_directed and not first.is_directed:
+        left.remove(other)
+        first, second = (other, one) if other.is_directed and not one.is_directed else (one, other)
+        second = second.turned() if first.way @ second.way > 0.0 else second
+        far = [_room_ahead(first, second, tree), _room_ahead(second, first, tree)]
+        if far[1] < far[0]:
             first, second = second, first
-        if first.way @ second.way > 0.0:
-            first, second = (first, second.turned()) if not second.is_directed else (first.turned(), second)
-        far = [_room_ahead(first, second, tree), _room_ahead(first.turned(), second.turned(), tree)]
-        is_directed = first.is_directed or second.is_directed
-        if not is_directed and far[1] < far[0]:
-            first, second = first.turned(), second.turned()
-            far.reverse()
         run = float(np.hypot(*first.way))
         way = first.way / run
         across = np.array([-way[1], way[0]])
         head = (second.head @ way).mean() * way + (second.head @ across)[:, None] * across
         turn = {"length": round(run, 6), "direction": np.round(way, 9)}
-        turn |= {"landing": round(far[0], 2)} if far[0] < WIDTH[1] else {}
+        turn |= {"landing": round(min(far), 2)} if min(far) < WIDTH[1] else {}
+        is_directed = one.is_directed or other.is_directed
         found.append(DrawnStair(first.foot, np.round(head, 6), turn, is_directed, first.ground | second.ground))
     return found
 
