@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -167,6 +168,27 @@ def test_python_of_the_guide_to_results_runs(text, tmp_path, monkeypatch, capsys
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("everybody out 30 ")
     assert "'time', 'person'" in lines[-1]
+
+
+def test_python_of_the_guide_to_embedding_runs_with_the_bits_that_it_promises(text, capsys):
+    names = {}
+    for block in fenced(text("docs/embedding.md"), "python"):
+        exec(compile(block, "embedding.md", "exec"), names)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("interrupted ")
+    assert lines[2] == str(["'door' closed at 3 s", "'door' opened at 9 s"])
+    assert float(lines[3].split()[2]) > float(lines[4].split()[2])  # the wider exit
+    events = [{"time": time, "kind": kind, "target": "door"} for time, kind in ((3.0, "close"), (9.0, "open"))]
+    with_events, stepped = evac.run(names["case"].change({"event": events})), names["simulation"].results()
+    np.testing.assert_array_equal(with_events.crowd.exit_time, stepped.crowd.exit_time)
+    assert with_events.changes == stepped.changes
+
+
+def test_runs_in_threads_are_those_of_one_after_the_other():
+    cases = [evac.load("square_room", {"simulation.seed": seed}) for seed in range(4)]
+    alone = [evac.run(case).crowd.exit_time for case in cases]
+    with ThreadPoolExecutor(4) as pool:
+        np.testing.assert_array_equal([results.crowd.exit_time for results in pool.map(evac.run, cases)], alone)
 
 
 def test_the_plan_of_the_guide_is_evacuated(text, capsys):
