@@ -130,6 +130,8 @@ def list_level(sights, i, level, reach, ex, ey, hx, hy):  # type: ignore[no-unty
     """Add the people of a level within `reach` [m] of person i, and ahead of e or h, to `sights.near`."""
     cells = sights.cells
     columns, rows, wraps = cells.columns[level], cells.rows[level], cells.wraps[level]
+    if columns == 0:  # nobody is there
+        return
     x, y, number = sights.position[i, 0], sights.position[i, 1], sights.number
     west, east = max(extent(-ex, ey), extent(-hx, hy)), max(extent(ex, ey), extent(hx, hy))
     south, north = max(extent(-ey, ex), extent(-hy, hx)), max(extent(ey, ex), extent(hy, hx))

@@ -17,7 +17,7 @@ from evac.directions.fields import Fields, columns_of
 from evac.directions.sampling import cell_of, sample_direction, sample_travel_times
 from evac.jit import Bytes, Floats, Ints, Longs, Pairs, Struct, Triples, inner, kernel
 from evac.physics.contact.neighbours import segment_distance
-from evac.physics.seams import bucket_at, crossing, passes_through, side_of
+from evac.physics.seams import crossing, passes_through, side_of, walls_near
 from evac.physics.state import Crowd, World
 
 if TYPE_CHECKING:
@@ -404,10 +404,10 @@ def off_walls(world: World, x: float, y: float, level: int, radius: float) -> tu
     """Return a place near a position at which a body overlaps no wall, and how often it was moved: at most `MOVES`."""
     for moves in range(MOVES):
         is_free = True
-        first, last = bucket_at(world, x, y)
+        first, last = walls_near(world, level, x, y, 0.0)
         for slot in range(first, last):
             w = world.bucket_wall[slot]
-            if world.wall_level[w] != level or world.wall_open[w]:
+            if world.wall_open[w]:
                 continue
             distance, wx, wy = segment_distance(
                 world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3], x, y
@@ -444,10 +444,10 @@ def level_behind(world: World, ax: float, ay: float, bx: float, by: float, level
 def first_wall(world: World, ax: float, ay: float, bx: float, by: float, level: int) -> int:
     """Return the first wall of a level that the line from a to b crosses, -1 for none."""
     found, least = -1, 2.0
-    first, last = bucket_at(world, ax, ay)
+    first, last = walls_near(world, level, ax, ay, 0.0)
     for slot in range(first, last):
         w = world.bucket_wall[slot]
-        if world.wall_level[w] != level or world.wall_open[w]:
+        if world.wall_open[w]:
             continue
         if passes_through(world.wall, w, ax, ay, bx, by):
             x1, y1, x2, y2 = world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3]

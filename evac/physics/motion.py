@@ -5,13 +5,16 @@ import math
 from evac.jit import inner
 from evac.physics import tallies as at
 from evac.physics.contact.contacts import normal_velocity, tangential_velocity
-from evac.physics.contact.neighbours import segment_distance
+from evac.physics.contact.neighbours import CROSSED, NEAR, segment_distance
 from evac.physics.extent import greatest_extent
 from evac.physics.seams import crossing, is_absent, lets_through, passes_through, touches
 from evac.physics.status import EVENTS_FULL, NOT_FINITE, OK, TOO_FAST, WALL_CROSSED
 
 PORTAL = 0
 EXIT = 1
+
+#: Depth of the shallowest levels [m]: who has crossed a portal is farther than this from what is behind two more.
+LEAST_DEPTH = 1.0
 
 
 @inner
@@ -74,7 +77,10 @@ def _cross_links(state, i, ax, ay, bx, by, time, h):
         bodies.level[i] = world.link_to[link]
         if leaves:
             return OK
-        lists.stale = 1
+        # The lists also have what is near behind the first link, unless they reach across the level there.
+        if bodies.near_link[i] != NEAR or max(lists.pair_reach, lists.wall_reach) > LEAST_DEPTH:
+            lists.stale = 1
+        bodies.near_link[i] = CROSSED
         passed = best
     return OK
 

@@ -116,38 +116,20 @@ def touches(state, level_a, ax, ay, level_b, bx, by):
 
 
 @inner
-def bucket_at(world, x, y):
-    """Return the range (first, last + 1) in ``world.bucket_wall`` of the walls of the bucket at a position."""
-    ny = world.buckets_y
-    across, along = (x - world.bucket_x) / world.bucket_size, (y - world.bucket_y) / world.bucket_size
-    if not (0.0 <= across < world.buckets_x and 0.0 <= along < ny):
-        return 0, 0  # no wall is near
-    bucket = int(across) * ny + int(along)
-    return world.bucket_start[bucket], world.bucket_start[bucket + 1]
-
-
-@inner
 def walls_near(world, level, x, y, reach):
     """Return the range (first, last + 1) in ``world.bucket_wall`` of walls of a level: those within `reach` and others.
 
-    A reach beyond that of the buckets takes all walls of the level, which are those of the bucket behind the last one.
+    A reach beyond that of the buckets takes all walls of the level, which are those of its last bucket.
     """
-    first, last = bucket_at(world, x, y)
-    if reach > world.bucket_reach:
-        first, last = world.bucket_start[world.bucket_start.shape[0] - 2], world.bucket_wall.shape[0]
-    return _first_above(world, level - 1, first, last), _first_above(world, level, first, last)
-
-
-@inner
-def _first_above(world, level, first, last):
-    """Return where walls of levels above `level` begin in a bucket, whose walls are sorted by level."""
-    while first < last:
-        middle = (first + last) // 2
-        if world.wall_level[world.bucket_wall[middle]] <= level:
-            first = middle + 1
-        else:
-            last = middle
-    return first
+    columns, rows = world.bucket_columns[level], world.bucket_rows[level]
+    bucket = world.bucket_first[level] + columns * rows
+    if reach <= world.bucket_reach:
+        across = (x - world.bucket_x) / world.bucket_size - world.bucket_column[level]
+        along = (y - world.bucket_y) / world.bucket_size - world.bucket_row[level]
+        if not (0.0 <= across < columns and 0.0 <= along < rows):
+            return 0, 0  # no wall is near
+        bucket = world.bucket_first[level] + int(across) * rows + int(along)
+    return world.bucket_start[bucket], world.bucket_start[bucket + 1]
 
 
 @inner

@@ -166,11 +166,14 @@ class World(Struct):
     wall: Quads  # (w, 4)
     wall_level: Ints  # (w,)
     wall_open: Bytes  # (w,) 0: acts, 1: absent, as at an open link, 2: absent for those whom the link lets through
-    bucket_wall: Ints  # walls near each bucket of the plan, level by level in ascending order; behind them all walls
-    bucket_start: Ints  # (buckets + 2,) first of a bucket in bucket_wall
-    buckets_x: int  # buckets along x and y
-    buckets_y: int
-    bucket_x: float  # corner of the first bucket [m]
+    bucket_wall: Ints  # walls of each level near each of its buckets, and all of them in a last one, in ascending order
+    bucket_start: Ints  # (buckets + 1,) first of a bucket in bucket_wall
+    bucket_first: Ints  # (levels,) first bucket of each level
+    bucket_column: Ints  # (levels,) first column and row of its buckets in the plan
+    bucket_row: Ints
+    bucket_columns: Ints  # (levels,) numbers of its columns and rows
+    bucket_rows: Ints
+    bucket_x: float  # corner of the plan [m]
     bucket_y: float
     bucket_size: float  # [m]
     bucket_reach: float  # distance from a bucket within which bucket_wall lists all walls [m]
@@ -245,7 +248,7 @@ class Bodies(Struct):
     reach: Floats  # search distance for contacts beyond the body [m]
     relaxation: Floats  # share of the difference to the desired velocity closed in a step, 1 - exp(-h / tau)
     relaxation_step: float  # step h that `relaxation` was computed for [s], 0 after sorting
-    near_link: Bytes  # 1: a portal or exit may be crossed before the lists are rebuilt
+    near_link: Bytes  # NEAR: a portal or exit may be crossed before the lists are rebuilt, CROSSED: one has been
 
 
 class Cells(Struct):

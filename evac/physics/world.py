@@ -44,7 +44,7 @@ def make_world(building: Building, fields: Fields) -> World:
         wall_open=np.concatenate(
             [np.zeros(len(building.walls), np.uint8), link_open[building.n_links :], link_open[link]]
         ),
-        **_buckets(walls, wall_level),
+        **_buckets(walls, wall_level, count),
         link_segment=segment,
         link_start=start,
         link_to=to,
@@ -114,10 +114,10 @@ def walls_behind_exits(building: Building) -> Bytes:
     return backed
 
 
-def _buckets(walls: FloatArray, level: IntArray) -> dict[str, Any]:
-    """Return the walls in square buckets of the plan: those within `BUCKET_REACH` of each, level by level.
+def _buckets(walls: FloatArray, level: IntArray, levels: int) -> dict[str, Any]:
+    """Return the walls of each level in square buckets of the plan: those within `BUCKET_REACH` of each.
 
-    Behind the last bucket is one of all walls.
+    A level has the buckets of the rectangle that its walls are near, and a last one with all of them.
     """
     ends = walls.reshape(-1, 2) if len(walls) else np.zeros((1, 2))
     low, high = ends.min(axis=0) - BUCKET_REACH, ends.max(axis=0) + BUCKET_REACH
@@ -125,15 +125,26 @@ def _buckets(walls: FloatArray, level: IntArray) -> dict[str, Any]:
     shape = np.ceil((high - low) / size).astype(int)
     centre = low + size * (np.indices(shape).reshape(2, -1).T + 0.5)
     lines, reach = shapely.linestrings(walls.reshape(-1, 2, 2)), BUCKET_REACH + size * math.sqrt(0.5)
-    near = shapely.STRtree(lines).query(shapely.points(centre), predicate="dwithin", distance=reach)
-    every = np.stack([np.full(len(walls), len(centre)), np.arange(len(walls))])
-    owner, item = np.concatenate([near, every], axis=1)
-    order = np.lexsort((item, level[item], owner))
+    near, item = shapely.STRtree(lines).query(shapely.points(centre), predicate="dwithin", distance=reach)
+    place, own = np.stack(np.unravel_index(near, shape), axis=1), level[item]
+    corner, opposite = np.full((levels, 2), shape.max()), np.full((levels, 2), -1)
+    np.minimum.at(corner, own, place)
+    np.maximum.at(opposite, own, place)
+    number = np.maximum(opposite - corner + 1, 0)
+    last = np.cumsum(number.prod(axis=1) + 1) - 1
+    first = last - number.prod(axis=1)
+    column, row = (place - corner[own]).T
+    bucket = np.concatenate([first[own] + column * number[own, 1] + row, last[level]])
+    item = np.concatenate([item, np.arange(len(walls))])
+    order = np.lexsort((item, bucket))
     return {
         "bucket_wall": item[order].astype(np.int32),
-        "bucket_start": np.searchsorted(owner[order], np.arange(len(centre) + 2)).astype(np.int32),
-        "buckets_x": int(shape[0]),
-        "buckets_y": int(shape[1]),
+        "bucket_start": np.searchsorted(bucket[order], np.arange(last[-1] + 2)).astype(np.int32),
+        "bucket_first": first.astype(np.int32),
+        "bucket_column": corner[:, 0].astype(np.int32),
+        "bucket_row": corner[:, 1].astype(np.int32),
+        "bucket_columns": number[:, 0].astype(np.int32),
+        "bucket_rows": number[:, 1].astype(np.int32),
         "bucket_x": float(low[0]),
         "bucket_y": float(low[1]),
         "bucket_size": size,

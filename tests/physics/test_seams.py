@@ -179,3 +179,35 @@ def test_a_closed_portal_keeps_forces_out(closed):
     walk(Nsm1(), crowd, 1, engine=engine)
     gained = 0.01 * 1000.0 * np.exp(-1.1 / 0.3) / 80.0 if closed is None else 0.0
     np.testing.assert_allclose(crowd.velocity, [(-gained, 0.0), (gained, 0.0)], rtol=1e-12)
+
+
+def strip_of_levels(number):
+    """Levels of 2 m one after another, joined over their whole width."""
+    bounds = [(2.0 * k, 0.0, 2.0 * k + 2.0, 2.0) for k in range(number)]
+    portals = [(k, k + 1, (2.0 * k + 2.0, 0.0, 2.0 * k + 2.0, 2.0)) for k in range(number - 1)]
+    return make_building(bounds, portals=portals)
+
+
+def test_lists_are_kept_through_a_portal_unless_they_reach_across_the_level_behind_it():
+    """Both people walk 0.1 m, one of them through a portal; lists of 1.5 m could reach through two more."""
+    builds = []
+    for force in (SocialForce(), SocialForce(range=0.4)):
+        crowd = make_crowd([[1.95, 1.0], [4.5, 1.0]], [[1.0, 0.0]] * 2, level=[0, 2], speed=1.0)
+        engine = make_engine(crowd, strip_of_levels(4), forces=[force])
+        walk(Dem(), crowd, 10, engine=engine)
+        assert crowd.level[0] == 1
+        builds.append((engine.state.lists.pair_reach > 1.0, engine.report()["list_builds"]))
+    assert builds == [(False, 1), (True, 2)]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lists_that_are_kept_through_portals_change_no_result(seed):
+    crowds = []
+    for tick in (50, 1):
+        crowd = random_crowd(40, (0.1, 0.1), (9.0, 1.9), seed, contact_radius=0.15)
+        crowd.level[:] = np.floor(crowd.position[:, 0] / 2.0)
+        crowds.append(crowd)
+        engine = make_engine(crowd, strip_of_levels(6), fields=uniform_fields(6))
+        walk(Dem(), crowd, 100, engine=engine, tick=tick)
+    np.testing.assert_array_equal(crowds[0].level, crowds[1].level)
+    np.testing.assert_allclose(crowds[0].position, crowds[1].position, atol=1e-9)

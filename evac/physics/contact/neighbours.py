@@ -17,6 +17,9 @@ from evac.physics.status import OK, PAIRS_FULL, WALLS_FULL
 #: Least number of columns and rows of cells that are used again, so that those around a cell are different ones.
 FEWEST = 3
 
+#: Values of ``Bodies.near_link``: a portal or exit may be crossed before the lists are rebuilt, or one has been.
+NEAR, CROSSED = 1, 2
+
 
 @inner
 def line_at(x: float, size: float) -> int:
@@ -242,7 +245,7 @@ def _list_walls(world, bodies, lists):
                 _sort(wall_item, first, used)
             for s in range(world.link_start[level], world.link_start[level + 1]):
                 if _is_near(world.link_segment, s, x, y, near):
-                    bodies.near_link[i] = 1
+                    bodies.near_link[i] = NEAR
                     break
         lists.wall_start[i + 1] = used
         bodies.built_position[i, 0] = bodies.position[i, 0]
