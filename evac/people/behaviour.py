@@ -12,7 +12,7 @@ from evac.base.change import Change
 from evac.base.defaults import LEAST_RADIUS
 from evac.base.errors import ScenarioError, fault, plugin_code, usable_path
 from evac.base.parameters import Configurable, did_you_mean
-from evac.base.saved import Saved
+from evac.base.saved import FINITE, Saved
 from evac.building.model.cells import LevelField
 from evac.building.model.elevation import elevation
 from evac.physics.state import Crowd
@@ -26,10 +26,11 @@ if TYPE_CHECKING:
     from evac.simulation.scene import Scene
 
 
+#: Least and greatest values of what behaviours write, in words.
 _LEGAL = {
-    "speed_factor": "finite and not negative",
-    "extra_direction": "finite",
-    "start_time": "a number, inf for never",
+    "extra_direction": (-FINITE, FINITE, "finite"),
+    "speed_factor": (0.0, FINITE, "finite and not negative"),
+    "start_time": (-np.inf, np.inf, "a number, inf for never"),
 }
 
 #: Remedy for a behaviour that has written to an array that it does not declare in `writes`.
@@ -420,18 +421,15 @@ def check_written(
     """Check the values that a behaviour wrote, which would otherwise appear as failures of the physics."""
     what, cls = f"t = {time:.3f} s: behaviour {behaviour.name!r}", type(behaviour)
     method = cls.prepare if cls.act is Behaviour.act else cls.act
-    checked = {name: getattr(crowd, name) for name in sorted(set(behaviour.writes) & _LEGAL.keys())}
+    checked = {name: getattr(crowd, name) for name in _LEGAL if name in behaviour.writes}
     if outside is not None and behaviour.keeps_distance:
         checked["outside.speed_factor"] = outside.speed_factor
     for place, written in checked.items():
-        name = place.removeprefix("outside.")
-        is_lost = np.isnan(written) if name == "start_time" else ~np.isfinite(written)  # inf: never starts
-        if name == "speed_factor":
-            is_lost |= written < 0.0
-        if is_lost.any():
-            person = int(np.argwhere(is_lost)[0, 0])
+        least, most, legal = _LEGAL[place.removeprefix("outside.")]
+        if not least <= written.min(initial=0.0) <= written.max(initial=0.0) <= most:  # also of NaN
+            person = int(np.argwhere(~((written >= least) & (written <= most)))[0, 0])
             wrong = f"wrote {written[person]} to {place} of person {person}"
-            raise fault(what, wrong, f"it must be {_LEGAL[name]}", method)
+            raise fault(what, wrong, f"it must be {legal}", method)
     for field in fields:
         if not isinstance(field.values, np.ndarray) or field.values.shape != (field.size,):
             raise fault(what, f"replaces the values of its field {field.name!r}", "write them in place", method)

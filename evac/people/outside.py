@@ -97,6 +97,8 @@ class PeopleOutside(Saved):
 
     def _walk(self, rows: NDArray[Any], factor: FloatArray, seconds: float | FloatArray) -> None:
         """Move people outside along their directions, at their flat speeds times a factor of each person."""
+        if not len(rows):
+            return
         outside, tau, direction = self.arrays, self._crowd.tau[rows], self.arrays.direction[rows]
         speed = np.einsum("nk,nk->n", outside.velocity[rows], direction)
         desired = self._crowd.speed[rows, FLAT] * factor[rows]

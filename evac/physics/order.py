@@ -1,6 +1,7 @@
 """The bodies of a tick: copied from the crowd and back, in the order of places, or of travel times to an exit."""
 
 import math
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,8 @@ _SPREAD = (
 
 
 #: Arrays of the bodies that are copied from the crowd at the start of a tick, and back at its end.
-TAKEN = tuple(name for name in Crowd.kinds if name in Bodies.kinds)
-WRITTEN = ("position", "velocity", "level", "distance", "overlap", "mingled", "contact_force", "passing")
+_taken = attrgetter(*(name for name in Crowd.kinds if name in Bodies.kinds))
+_written = attrgetter("position", "velocity", "level", "distance", "overlap", "mingled", "contact_force", "passing")
 
 
 def rows_by_travel_time(world: World, crowd: Crowd) -> NDArray[np.int64]:
@@ -56,9 +57,8 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
     """Copy the people in ``bodies.row`` to the bodies, and reset the data of the previous tick."""
     bodies = state.bodies
     rows = bodies.row[:inside].astype(np.intp)
-    for name in TAKEN:
-        given, kept = getattr(crowd, name), getattr(bodies, name)[:inside]
-        given.take(rows, axis=0, out=kept, mode="clip")  # which, unlike "raise", writes without a buffer
+    for given, kept in zip(_taken(crowd), _taken(bodies), strict=True):
+        given.take(rows, 0, kept[:inside], "clip")  # which, unlike "raise", writes without a buffer
     bodies.column[:inside] = columns_of(state.world.fields, crowd.route[rows], bodies.contact_radius[:inside])
     mass = 1.0 if state.traits.overdamped else bodies.mass[:inside]
     bodies.inverse_mass[:inside] = 1.0 / mass / bodies.firmness[:inside]
@@ -78,8 +78,7 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
 def scatter(crowd: Crowd, bodies: Bodies) -> None:
     """Copy the results of the steps back to the crowd."""
     rows = bodies.row[: bodies.inside].astype(np.intp)
-    for name in WRITTEN:
-        written, source = getattr(crowd, name), getattr(bodies, name)
+    for written, source in zip(_written(crowd), _written(bodies), strict=True):
         if source.ndim == 2:  # pairs, which numpy assigns ten times faster where each is one number
             written, source = written.view(np.complex128)[:, 0], source.view(np.complex128)[:, 0]
         written[rows] = source[: bodies.inside]

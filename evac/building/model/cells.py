@@ -110,6 +110,8 @@ class LevelField(Saved):
         self.name, self.unit, self.spacing = name, unit, float(spacing)
         self.cells = [Cells(level, spacing) for level in building.levels]
         self._start = np.cumsum([0, *(math.prod(cells.shape) for cells in self.cells)])
+        self._origin = np.array([cells.origin for cells in self.cells])
+        self._last = np.array([cells.shape for cells in self.cells])[:, ::-1] - 1  # column and row
         self.size = int(self._start[-1])
         self.values: FloatArray = np.zeros(self.size) if values is None else values
 
@@ -129,7 +131,9 @@ class LevelField(Saved):
         """
         level = np.asarray(level)
         values = np.zeros((*self.values.shape[:-1], len(level)))
-        for index in np.unique(level[level >= 0]).tolist():
-            on = np.flatnonzero(level == index)
-            values[..., on] = self.values[..., self._start[index] + self.cells[index].cell(position[on])]
+        inside = np.flatnonzero(level >= 0)
+        on = level[inside]
+        cell = np.floor((position[inside] - self._origin[on]) / self.spacing).astype(np.int64)
+        column, row = np.minimum(np.maximum(cell, 0), self._last[on]).T
+        values[..., inside] = self.values[..., self._start[on] + row * (self._last[on, 0] + 1) + column]
         return values
