@@ -64,6 +64,9 @@ class JupedsimImporter(Importer):
         if not shapes.keys() - stairs:
             raise ValueError("the geometry has no subroom that is a floor")
         plan, joined = Plan(path), networkx.Graph()
+        for kind in ("subroom", "obstacle", "crossing", "transition"):
+            if number := len([*root.iter(kind)]):
+                plan.note("found", f"{number} <{kind}>", element=kind, number=number)
         joined.add_nodes_from(key for key in shapes if key not in stairs)
         between = [one for one in segments if len(one[2]) == 2 and not stairs & {*one[2]}]
         for tag, _, (a, b), line in between:
@@ -90,19 +93,16 @@ class JupedsimImporter(Importer):
                 plan.door(name, of[z[own[0]]], ends)
                 plan.note("found", f"door {name!r}", of[z[own[0]]], place)
             elif len(keys) == 1 or (len(own) == 2 and not joined.has_edge(*own)):
-                plan.note("missing", f"{name} leads from a stair, or to a room at another height", place=place)
+                text = f"{name} leads from a stair, or to a room at another height"
+                plan.note("missing", text, place=place, element=tag)
         for key in sorted(stairs):
-            at = [
-                (z[other], line)
-                for _, _, keys, line in segments
-                if key in keys
-                for other in keys
-                if other not in stairs
-            ]
-            at = sorted(at, key=lambda end: end[0])
+            own = [(keys, line) for _, _, keys, line in segments if key in keys]
+            at = [(z[other], line) for keys, line in own for other in keys if other not in stairs]
+            at.sort(key=lambda end: end[0])
             name, place = f"stair {key[0]} {key[1]}", place_of(shapes[key])
             if len(at) != 2 or at[0][0] == at[1][0]:
-                plan.note("missing", f"{name} does not lead from one floor to another, higher one", place=place)
+                text = f"{name} does not lead from one floor to another, higher one"
+                plan.note("missing", text, place=place, element="subroom")
                 continue
             edges = [shapely.get_coordinates(line)[[0, -1]] for _, line in at]
             plan.flight(name, edges[0], at[0][0], edges[1], at[1][0])
@@ -132,6 +132,3 @@ def _number(text: str | None) -> float:
         return float((text or "0").replace("\u2212", "-"))
     except ValueError:
         raise ValueError(f"{text!r} is not a number") from None
-
-
-evac_interface = 3

@@ -55,6 +55,8 @@ class VadereImporter(Importer):
         if not parts:
             raise ValueError("the topography has no floor beside its obstacles, targets and stairs")
         plan, heights = Plan(path), _heights(parts, stairs)
+        for key, items in of.items():
+            plan.note("found", f"{len(items)} {key}", element=key, number=len(items))
         names = {z: f"floor {number}" for number, z in enumerate(sorted(set(heights)), start=1)}
         on = [names[z] for z in heights]
         for z, name in names.items():
@@ -63,7 +65,7 @@ class VadereImporter(Importer):
             low = next((k for k in range(len(parts)) if _touches(parts[k], edges[0])), None)
             place = tuple(edges.mean(axis=(0, 1)).tolist())
             if low is None:
-                plan.note("missing", f"stair {number} begins at no floor", place=place)
+                plan.note("missing", f"stair {number} begins at no floor", place=place, element="stairs")
                 continue
             plan.flight(f"stair {number}", edges[0], heights[low], edges[1], heights[low] + rise)
             plan.note("assumed", f"stair {number} rises {rise:.2f} m (rise)", on[low], place)
@@ -72,17 +74,18 @@ class VadereImporter(Importer):
                 name = f"{kind} {one.get('id')}"
                 storey = next((own for part, own in zip(parts, on, strict=True) if part.dwithin(shape, TOUCH)), None)
                 if storey is None:
-                    plan.note("missing", f"{name} is not at the floor", place=place_of(shape))
+                    plan.note("missing", f"{name} is not at the floor", place=place_of(shape), element=f"{kind}s")
                     continue
                 if kind == "target":
                     plan.exit(name, storey, polygon=shape)
                 else:
                     plan.area(name, storey, shape)
                 plan.note("found", f"{'exit' if kind == 'target' else 'start area'} {name!r}", storey, place_of(shape))
-        counts["targets that absorb nobody"] = len(of["targets"]) - len(exits)
+        if idle := len(of["targets"]) - len(exits):
+            plan.note("left out", f"{idle} targets absorb nobody", element="targets", number=idle)
         for what, count in counts.items():
             if count:
-                plan.note("left out", f"{count} {what} are not read")
+                plan.note("left out", f"{count} {what} are not read", element=what, number=count)
         return plan
 
 
@@ -126,6 +129,3 @@ def _edges(one: Mapping[str, Any], shape: BaseGeometry) -> FloatArray:
     corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shape))[:4]
     edges: FloatArray = corners[np.argsort(corners @ [float(up["x"]), float(up["y"])], kind="stable")].reshape(2, 2, 2)
     return edges
-
-
-evac_interface = 3

@@ -1,12 +1,15 @@
 """Importer of WKT files: polygons of one storey, as written by JuPedSim, PostGIS, QGIS and shapely."""
 
+from collections import Counter
 from pathlib import Path
 
 import shapely
 
+from evac.base.errors import counted
 from evac.base.parameters import Parameter
+from evac.building.geometry import place_of
 from evac.building.importer import Importer
-from evac.building.plan.outlines import from_wkt
+from evac.building.plan.outlines import from_wkt, geometries
 from evac.building.plan.plan import Plan
 
 
@@ -30,10 +33,14 @@ class WktImporter(Importer):
         if "\0" in text:
             raise ValueError("the text is not UTF-8; save it as UTF-8")
         shapes = shapely.transform(shapely.GeometryCollection(_geometries(text)), lambda xy: self.unit * xy)
-        plan = Plan(path)
-        plan.storey(self.storey, shapes, self.z, wall=self.wall)
-        count = len(plan.storeys[self.storey].polygons)
-        plan.note("found", f"{count} polygon{'s' if count > 1 else ''}", self.storey)
+        plan, parts = Plan(path), [one for one in geometries(shapes) if not one.is_empty]
+        for kind, number in sorted(Counter(one.geom_type for one in parts).items()):
+            plan.note("found", counted(number, kind), self.storey, element=kind, number=number)
+            if kind != "Polygon":
+                first = place_of(next(one for one in parts if one.geom_type == kind))
+                text = f"{counted(number, kind)}, the first one here: ground is polygons"
+                plan.note("left out", text, self.storey, first, element=kind, number=number)
+        plan.storey(self.storey, [one for one in parts if one.geom_type == "Polygon"], self.z, wall=self.wall)
         return plan
 
 

@@ -199,6 +199,8 @@ def _beside(ground: BaseGeometry, ends: FloatArray, reach: float) -> list[tuple[
 KINDS = ("space", "slab", "roof", "wall", "column", "opening", "door", "window", "stair", "landing", "furniture")
 #: Minimum area of the remaining part of a room in which people can start [m2].
 LEAST_ROOM = 0.5
+#: Share of the ground that a space without a floor may have, such as the upper part of a hall.
+LOST = 0.02
 #: Distance by which rooms extend beyond their spaces, less than the thickness of walls [m].
 OVERLAP = 0.02
 #: Share of a part of the ground from which on a space is all of it.
@@ -240,6 +242,7 @@ def plan_of_bodies(
     plan = Plan(source)
     plan.findings = findings
     away, names = united([stair.plan for stair in stairs]), set[str]()
+    whole = sum(floor.ground.area for floor in floors)
     for floor in floors:
         more = [polygon for stair in stairs for of, polygon in stair.ground if of is floor]
         for polygon in more:
@@ -247,7 +250,7 @@ def plan_of_bodies(
             findings.append(Finding("repaired", text, floor.name, place_of(polygon)))
         floor.ground = meeting(floor, stairs)
         inner = [ground for way, ground in zip(ways, passable, strict=True) if way.floor is floor and way.sides == 2]
-        _add_floor(plan, floor, cut(floor.ground, united(inner)), away, names)
+        _add_floor(plan, floor, cut(floor.ground, united(inner)), away, names, LOST * whole)
         slab = "" if floor.rooms else ", of slabs"
         plan.note("found", f"{floor.ground.area:.2f} m2 at {floor.z:.2f} m{slab}", floor.name)
     for stair in stairs:
@@ -322,16 +325,20 @@ def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> None:
         plan.note("found", f"{what} {name!r}, {width:.2f} m wide", way.floor.name, (x, y))
 
 
-def _add_floor(plan: Plan, floor: Floor, ground: BaseGeometry, away: BaseGeometry, names: set[str]) -> None:
+def _add_floor(
+    plan: Plan, floor: Floor, ground: BaseGeometry, away: BaseGeometry, names: set[str], least: float
+) -> None:
     """Add the ground of a floor: its spaces as rooms, except those that stairs cover, and the rest to its storey.
 
-    `away`: stairs in plan; `names`: names of rooms so far.
+    `away`: stairs in plan; `names`: names of rooms so far; `least`: area of a space without ground that is missing
+    [m2].
     """
     spaces = []
     for room, use, polygon in floor.rooms:
-        if common(cut(polygon, away), ground).area < LEAST_ROOM:
+        if common(open_part := cut(polygon, away), ground).area < LEAST_ROOM:
+            kind = "missing" if open_part.area > least else "left out"
             text = f"{room!r} is not an area: a stair covers it, or it has no floor"
-            plan.note("left out", text, floor.name, place_of(polygon), element="space")
+            plan.note(kind, text, floor.name, place_of(polygon), element="space")
         else:
             spaces.append((room, use, snapped(shapely.buffer(polygon, OVERLAP, join_style="mitre"))))
     rooms, rest = list[tuple[str, str, BaseGeometry]](), []
