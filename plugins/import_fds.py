@@ -60,7 +60,7 @@ class FdsImporter(Importer):
         if unseen:
             first = f"the first is &{unseen[0].group} in line {unseen[0].number}"
             plan.note("found", f"{len(unseen)} lines with EVACUATION=.FALSE., which people do not meet; {first}")
-        seen = [one for one in lines if one not in unseen and one.box is not None]
+        seen = [one for one in lines if one not in unseen and len(one.box)]
         of = {group: [line for line in seen if line.group == group] for group in GROUPS}
         for group, number in sorted(Counter(one.group for one in lines if one.group in (*GROUPS, *LEFT_OUT)).items()):
             plan.note("found", f"{number} &{group}", element=f"&{group}", number=number)
@@ -74,7 +74,7 @@ class FdsImporter(Importer):
                 plan.note(kind, text, element=f"&{one.group}")
             elif (
                 one.group == "VENT"
-                and one.box is None
+                and not len(one.box)
                 and re.search(r"MB\s*=\s*.[XY](MIN|MAX)", one.text)
                 and "OPEN" in one.text
             ):
@@ -145,24 +145,22 @@ class FdsImporter(Importer):
 
 @dataclass(frozen=True)
 class Line:
-    """A namelist of the deck: its group, text, number of line, name, and box (6,) [m] if it has one."""
+    """A namelist of the deck: its group, text, number of line, name, and box (6,) [m], empty if it has none."""
 
     group: str
     text: str
     number: int
     name: str
-    box: FloatArray | None
+    box: FloatArray
 
     @property
     def middle(self) -> float:
         """The height of its middle [m], at most `Z_OFFSET` above its lower side."""
-        assert self.box is not None
         return float(min(self.box[4:].mean(), self.box[4] + Z_OFFSET))
 
     @property
     def floor(self) -> float:
         """The height of the floor that a mesh states [m]."""
-        assert self.box is not None
         offset = (_numbers(self.text, "EVAC_Z_OFFSET") or [Z_OFFSET])[0]
         return float(self.box[4:].mean() - offset if self.says("EVACUATION", "T") else self.box[4])
 
@@ -179,14 +177,12 @@ class Line:
     @property
     def plan(self) -> BaseGeometry:
         """Its box in plan."""
-        assert self.box is not None
         x1, x2, y1, y2 = self.box[:4].tolist()
         return shapely.box(x1, y1, x2, y2)
 
     @property
     def segment(self) -> FloatArray | None:
         """The segment (2, 2) of a vertical face; None for a horizontal one."""
-        assert self.box is not None
         x1, x2, y1, y2, z1, z2 = self.box.tolist()
         if z2 - z1 < SAME:
             return None
@@ -228,7 +224,7 @@ def _namelists(text: str) -> Iterator[Line]:
         numbers = _numbers(own, "XB")
         if numbers and (len(numbers) != 6 or not np.isfinite(numbers).all()):
             raise ValueError(f"line {number}: XB of &{found[1].upper()} must be six numbers")
-        box = np.sort(np.reshape(numbers, (3, 2)), axis=1).ravel() if numbers else None
+        box = np.sort(np.reshape(numbers, (3, 2)), axis=1).ravel() if numbers else np.empty(0)
         yield Line(found[1].upper(), own, number, name[1] if name else found[1].lower(), box)
 
 
@@ -248,7 +244,7 @@ def _ends(one: Line, lines: list[Line]) -> str:
     texts = []
     for other in lines:
         is_end = node(other) == one.name.upper() or other.name.upper() == node(one)
-        if is_end and other.box is not None and other.segment is not None:
+        if is_end and len(other.box) and other.segment is not None:
             texts.append(f"{other.segment.tolist()} at z = {other.middle - Z_OFFSET:.2f} m")
     return f" between the edges {' and '.join(texts)}" if texts else ""
 
@@ -258,7 +254,7 @@ def _repeated(lines: list[Line]) -> Iterator[Line]:
     copies = {line.name.upper(): line for line in lines if line.group == "MULT"}
     for one in lines:
         given = re.search(r"MULT_ID\s*=\s*['\"]([^'\"]*)", one.text)
-        if given is None or one.box is None or given[1] not in copies:
+        if given is None or not len(one.box) or given[1] not in copies:
             yield one
             continue
         text = one.text.replace(given[0], "")
@@ -286,7 +282,7 @@ def _moves(mult: Line) -> FloatArray:
 
 def _floors(meshes: list[Line], obstructions: list[Line], holes: list[Line]) -> Iterator[tuple[float, BaseGeometry]]:
     """Yield the height and the ground of each storey, the lowest first."""
-    top = max(float(mesh.box[5]) for mesh in meshes if mesh.box is not None)
+    top = max(float(mesh.box[5]) for mesh in meshes)
     stated = [mesh for mesh in meshes if mesh.says("EVACUATION", "T") and not mesh.says("EVAC_HUMANS", "F")]
     ground = [(mesh.floor, mesh.plan) for mesh in stated or meshes]
     boxes = np.array([obstruction.box for obstruction in obstructions]).reshape(-1, 6)
@@ -320,5 +316,5 @@ def _floors(meshes: list[Line], obstructions: list[Line], holes: list[Line]) -> 
 
 def _solid(boxes: FloatArray, holes: list[Line], z: float) -> BaseGeometry:
     """Return the plan of boxes (n, 6) without the holes that reach a height [m]."""
-    away = [hole.plan for hole in holes if hole.box is not None and hole.box[4] <= z <= hole.box[5]]
+    away = [hole.plan for hole in holes if hole.box[4] <= z <= hole.box[5]]
     return shapely.union_all([*shapely.box(*boxes[:, [0, 2, 1, 3]].T)]).difference(shapely.union_all(away))

@@ -60,13 +60,13 @@ class JupedsimImporter(Importer):
                     if shapes[key].is_empty:
                         raise ValueError(f"room {key[0]}, subroom {key[1]}: its walls and doors enclose no area")
         except (Tree.ParseError, shapely.GEOSException) as error:
-            raise ValueError(f"not a geometry of JuPedSim: {error}") from error
+            raise ValueError(f"not a geometry of JuPedSim: {str(error).rpartition('Exception: ')[2]}") from error
         if not shapes.keys() - stairs:
             raise ValueError("the geometry has no subroom that is a floor")
         plan, joined = Plan(path), networkx.Graph()
         for kind in ("subroom", "obstacle", "crossing", "transition"):
-            if number := len([*root.iter(kind)]):
-                plan.note("found", f"{number} <{kind}>", element=kind, number=number)
+            if many := len([*root.iter(kind)]):
+                plan.note("found", f"{many} <{kind}>", element=kind, number=many)
         joined.add_nodes_from(key for key in shapes if key not in stairs)
         between = [one for one in segments if len(one[2]) == 2 and not stairs & {*one[2]}]
         for tag, _, (a, b), line in between:
@@ -96,8 +96,8 @@ class JupedsimImporter(Importer):
                 text = f"{name} leads from a stair, or to a room at another height"
                 plan.note("missing", text, place=place, element=tag)
         for key in sorted(stairs):
-            own = [(keys, line) for _, _, keys, line in segments if key in keys]
-            at = [(z[other], line) for keys, line in own for other in keys if other not in stairs]
+            ways = [(keys, line) for _, _, keys, line in segments if key in keys]
+            at = [(z[other], line) for keys, line in ways for other in keys if other not in stairs]
             at.sort(key=lambda end: end[0])
             name, place = f"stair {key[0]} {key[1]}", place_of(shapes[key])
             if len(at) != 2 or at[0][0] == at[1][0]:

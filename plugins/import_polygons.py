@@ -7,7 +7,6 @@ trimesh drops the names of groups, and divides non-convex polygons into fans, wh
 import codecs
 import fnmatch
 import itertools
-import math
 import re
 import struct
 from collections.abc import Iterator
@@ -55,8 +54,7 @@ class ObjImporter(Importer):
         for number, line, (word, *rest) in _lines(path.read_bytes()):
             with _in_line(number, line):
                 if word == "v":
-                    x, y, z = rest[:3]
-                    points.append([float(x), float(y), float(z)])
+                    points.append(_numbers(rest[:3], 3))
                 elif word == "f":
                     faces.append(_checked_face(_corners(rest, len(points))))
                     face_group.append(len(groups) - 1)
@@ -123,7 +121,7 @@ def _checked_face(corners: list[int]) -> list[int]:
 
 def _corners(words: list[str], n_points: int) -> list[int]:
     """Return the rows of the vertices of a face or a line of OBJ."""
-    numbers = [int(word.partition("/")[0]) for word in words]
+    numbers = [_whole(*_numbers([word.partition("/")[0]])) for word in words]
     if 0 in numbers or min(numbers, default=1) < -n_points:
         raise ValueError("a corner does not exist; vertices are counted from 1, or from -1 backwards")
     return [number - 1 if number > 0 else n_points + number for number in numbers]
@@ -144,6 +142,8 @@ TYPES = {
     **{"int": "i", "int32": "i", "uint": "I", "uint32": "I"},
     **{"float": "f", "float32": "f", "double": "d", "float64": "d"},
 }
+#: A number of rows.
+COUNT = re.compile(r"\d{1,15}")
 #: Names of the property with the corners of a face.
 CORNERS = ("vertex_indices", "vertex_index")
 
@@ -171,7 +171,7 @@ class OffImporter(Importer):
         counts, rest = lines[0][2][1:], lines[1:]
         if not counts and rest:
             counts, rest = rest[0][2], rest[1:]
-        if len(counts) < 2:
+        if len(counts) < 2 or not all(COUNT.fullmatch(count) for count in counts[:2]):
             raise ValueError("the numbers of vertices and faces are missing")
         vertices = _Element("vertex", int(counts[0]), [(axis, "d", None) for axis in "xyz"])
         return _mesh([vertices, _Element("face", int(counts[1]), [(CORNERS[0], "i", "i")])], iter(rest))
@@ -203,13 +203,13 @@ def _read_header(head: str) -> tuple[str, list[_Element]]:
         match line.split():
             case ["format", name, _]:
                 encoding = encodings.get(name, "")
-            case ["element", name, count]:
+            case ["element", name, count] if COUNT.fullmatch(count):
                 elements.append(_Element(name, int(count)))
             case ["property", "list", length, kind, name] if elements and {length, kind} <= TYPES.keys():
                 elements[-1].properties.append((name, TYPES[kind], TYPES[length]))
             case ["property", kind, name] if elements and kind in TYPES:
                 elements[-1].properties.append((name, TYPES[kind], None))
-            case ["property", *_]:
+            case ["property" | "element", *_]:
                 raise ValueError(f"header line {line.strip()!r} is invalid")
     if not encoding:
         raise ValueError("the header has no known format")
@@ -248,9 +248,9 @@ def _mesh(elements: list[_Element], lines: Iterator[tuple[int, str, list[Any]]])
             raise ValueError("the vertices have no x, y, z")
         if element.name == "face" and not corners:
             raise ValueError(f"the faces have no list {' or '.join(CORNERS)}")
-        for number, line, words in itertools.islice(lines, max(element.count, 0)):
+        for number, line, words in itertools.islice(lines, element.count):
             with _in_line(number, line):
-                row = _row(element, [float(word) for word in words])
+                row = _row(element, _numbers(words))
                 if element.name == "vertex":
                     points.append([row[axis][0] for axis in "xyz"])
                 elif element.name == "face":
@@ -263,19 +263,27 @@ def _mesh(elements: list[_Element], lines: Iterator[tuple[int, str, list[Any]]])
     return SurfaceMesh(points, faces)
 
 
+def _numbers(words: list[Any], count: int = 0) -> list[float]:
+    """Return words as numbers, of which there must be at least so many."""
+    if len(words) < count:
+        raise ValueError(f"it has only {len(words)} of {count} numbers")
+    try:
+        return [float(word) for word in words]
+    except ValueError:
+        raise ValueError("a word is not a number") from None
+
+
 def _row(element: _Element, numbers: list[float]) -> dict[str, list[float]]:
     """Return the values of each property of a row."""
     row, at = {}, 0
     for name, _, length in element.properties:
-        count = 1 if length is None else max(_whole(*numbers[at : at + 1]), 0)
+        count = 1 if length is None else max(_whole(*_numbers(numbers[at : at + 1], 1)), 0)
         at += (length is not None) + count
-        row[name] = numbers[at - count : at]
-    if at > len(numbers):
-        raise ValueError(f"it has only {len(numbers)} of {at} numbers")
+        row[name] = _numbers(numbers[at - count : at], count)
     return row
 
 
-def _whole(value: float = math.nan) -> int:
+def _whole(value: float) -> int:
     """Return the integer that a corner or a number of corners must be."""
     if not float(value).is_integer():
         raise ValueError(f"{value:g} is not an integer")

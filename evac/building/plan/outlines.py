@@ -88,7 +88,7 @@ def from_wkt(text: str) -> BaseGeometry:
         with np.errstate(invalid="ignore"):
             return shapely.from_wkt(text)
     except shapely.GEOSException as error:
-        raise ValueError(f"invalid WKT: {error}") from error
+        raise ValueError(f"invalid WKT: {str(error).rpartition('Exception: ')[2]}") from error
 
 
 def polygons_of(given: Shape, level: str | None, findings: list[Finding]) -> list[BaseGeometry]:
