@@ -33,7 +33,7 @@ class JupedsimImporter(Importer):
     def read(self, path: Path) -> Plan:
         """Read the geometry; raise ValueError if the file is none."""
         try:
-            root = Tree.fromstring(path.read_text(encoding="utf-8-sig"))
+            root = Tree.fromstring(path.read_bytes())
             if root.tag != "geometry":
                 raise ValueError(f"not a geometry of JuPedSim: the first element is <{root.tag}>")
             links = [
@@ -59,7 +59,7 @@ class JupedsimImporter(Importer):
                     uses[key] = (one.get("class") or "room").lower()
                     if shapes[key].is_empty:
                         raise ValueError(f"room {key[0]}, subroom {key[1]}: its walls and doors enclose no area")
-        except (Tree.ParseError, shapely.GEOSException) as error:
+        except (Tree.ParseError, LookupError, shapely.GEOSException) as error:
             raise ValueError(f"not a geometry of JuPedSim: {str(error).rpartition('Exception: ')[2]}") from error
         if not shapes.keys() - stairs:
             raise ValueError("the geometry has no subroom that is a floor")

@@ -71,8 +71,9 @@ def _read(path: Path) -> Any:
             warnings.simplefilter("ignore")
             return meshio.read(path)
     except (Exception, SystemExit) as error:
-        cause = "" if isinstance(error, SystemExit) else str(error)
-        raise ValueError(" ".join(f"{said.getvalue()} {cause}".split()) or type(error).__name__) from error
+        cause = str(error) if isinstance(error, meshio.ReadError) else ""
+        told = " ".join(f"{said.getvalue()} {cause}".split())
+        raise ValueError(told or "its content is damaged, or of another format") from error
 
 
 def _joined(blocks: list[IndexArray]) -> IndexArray | list[list[int]]:

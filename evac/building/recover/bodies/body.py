@@ -24,7 +24,8 @@ NOTCH = 2.5e-3
 class Body:
     """A solid as a triangle mesh."""
 
-    kind: str  # one of `evac.building.recover.bodies.conversion.KINDS`
+    # space, slab, roof, wall, column, opening, door, window, stair, landing or furniture; openings are holes in walls
+    kind: str
     name: str  # name in the file
     points: FloatArray  # (v, 3) float64 [m]
     triangles: IndexArray  # (t, 3) int64

@@ -195,8 +195,6 @@ def _beside(ground: BaseGeometry, ends: FloatArray, reach: float) -> list[tuple[
     return [(max(a, c), min(b, d)) for a, b in spans[0] for c, d in spans[1]]
 
 
-#: Kinds of bodies. Openings are holes in walls, with or without a door or window in them.
-KINDS = ("space", "slab", "roof", "wall", "column", "opening", "door", "window", "stair", "landing", "furniture")
 #: Minimum area of the remaining part of a room in which people can start [m2].
 LEAST_ROOM = 0.5
 #: Share of the ground that a space without a floor may have, such as the upper part of a hall.
@@ -212,8 +210,8 @@ def plan_of_bodies(
 ) -> Plan:
     """Return the plan of a building.
 
-    `source`: for messages; `bodies`: of the kinds `KINDS`; `storeys` [m]: names and heights. The floors themselves are
-    found from the bodies; `findings`: findings so far; they become the first findings of the plan.
+    `source`: for messages; `storeys` [m]: names and heights. The floors themselves are found from the bodies;
+    `findings`: findings so far; they become the first findings of the plan.
     """
     idle = sum(body.kind == "furniture" for body in bodies)
     if idle and not rules.furniture:

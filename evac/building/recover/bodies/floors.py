@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.defaults import HEADROOM
 from evac.building.geometry import common, cut, place_of, united
-from evac.building.model.findings import Finding, numbered
+from evac.building.model.findings import Finding
 from evac.building.recover.bodies.body import SAME_HEIGHT, Body, closed, snapped, without_slivers
 
 #: Largest difference in height between a floor and the top of its slab, due to floor finishes [m].
@@ -93,7 +93,7 @@ def floors_of(
     tops = [(plan, z) for body in bodies if body.kind == "slab" for plan, z in body.tops()]
     floors = []
     for height, name in zip(heights, names, strict=True):
-        slabs, rooms = united(height.slabs), dict[str, tuple[str, str, BaseGeometry]]()
+        slabs = united(height.slabs)
         if height.spaces and slabs.is_empty and _is_above_roof(height, bodies):
             text = "spaces with a roof and no slab below are outside of the building"
             place, number = height.spaces[0][0].place, len(height.spaces)
@@ -104,9 +104,6 @@ def floors_of(
             halls = _halls(height, slabs, bodies, passages, name, findings)
             made = united([_of_spaces(height, slabs, name, rules.gap, findings), steps, halls])
             slabs = united([slabs, steps])
-            for body, plan, _ in sorted(height.spaces, key=lambda one: one[0].name):
-                name_of_room = numbered(body.name, rooms)
-                rooms[name_of_room] = name_of_room, body.use, plan
         elif any(abs(body.z_min - height.z) <= THICKNESS and _covers(body.shadow(), slabs) for body in low):
             continue
         else:
@@ -120,7 +117,9 @@ def floors_of(
             findings.append(Finding("assumed", f"slabs without walls are used as floors: {what} (ground)", name))
         made = _without_bodies(made, bodies, height, rules.furniture)
         made = _inside(made, height, bodies, passages, name, findings)
-        floors.append(Floor(name, height.z, made, slabs, list(rooms.values())))
+        spaces = sorted(height.spaces, key=lambda one: one[0].name)
+        rooms = [(body.name, body.use, plan) for body, plan, _ in spaces]
+        floors.append(Floor(name, height.z, made, slabs, rooms))
         levels = [z for _, _, z in height.spaces]
         if levels and max(levels) - min(levels) > 0.001:
             text = f"floors at {min(levels):z.3f} to {max(levels):z.3f} m are merged at {height.z:z.3f} m (step)"
