@@ -151,15 +151,12 @@ def inside(trajectory: Trajectory, rows: IntArray) -> Picture:
     return drawing(plans_.figure, caption, caption)
 
 
-#: Shapes of marks in words.
-NAMES = {"v": "red triangles", "s": "orange squares", "D": "blue diamonds", ".": "grey dots"}
-
-#: Marks of people by their margins: up to so many seconds, with colour, shape and size.
+#: Marks of people by their margins: up to so many seconds, with colour, shape, size, and both in words.
 MARGINS = (
-    (0.0, palette.CLOSED, "v", 5.0),
-    (30.0, palette.GROUPS[1], "s", 4.0),
-    (120.0, palette.GROUPS[4], "D", 2.5),
-    (math.inf, palette.NOTHING, ".", 3.0),
+    (0.0, palette.CLOSED, "v", 5.0, "red triangles below 0 s"),
+    (30.0, palette.GROUPS[1], "s", 4.0, "orange squares 0 to 30 s"),
+    (120.0, palette.GROUPS[4], "D", 2.5, "blue diamonds 30 to 120 s"),
+    (math.inf, palette.NOTHING, ".", 3.0, "grey dots from 120 s on"),
 )
 
 
@@ -168,19 +165,12 @@ def margins(trajectory: Trajectory, found: Sequence[LeastMargin]) -> Picture:
     plans_ = draw_plans(trajectory.building, None, side=0.1, greatest=PLANS)
     least, level = np.array([one.margin for one in found]), np.array([one.level for one in found])
     place, words, low = np.array([(one.x, one.y) for one in found]), list[str](), -math.inf
-    for high, colour, shape, size in MARGINS:
+    for high, colour, shape, size, what in MARGINS:
         is_such = (least >= low) & (least < high)
         for axes, levels in zip(plans_.axes, plans_.levels, strict=True):
             x, y = place[is_such & np.isin(level, [shown.name for shown in levels])].T
             axes.plot(x, y, shape, color=colour, markersize=size, markeredgewidth=0.0, zorder=6 + size)
-        reach = (
-            f"below {high:g} s"
-            if math.isinf(low)
-            else f"from {low:g} s on"
-            if math.isinf(high)
-            else f"{low:g} to {high:g} s"
-        )
-        words.append(f"{NAMES[shape]} {reach}: {counted(int(is_such.sum()), 'person', 'people')}")
+        words.append(f"{what}: {counted(int(is_such.sum()), 'person', 'people')}")
         low = high
     caption = f"Where each person had the least margin on its way; {', '.join(words)}."
     return drawing(plans_.figure, caption, caption, "plans")

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+import numpy as np
+
 from evac.base.errors import ResultError, counted
 from evac.base.toml import case_text
 from evac.contract.hooks import BASES, DEFAULT_MOVEMENT
@@ -87,6 +89,7 @@ def main_results(run: Results) -> dict[str, object]:
         "Evacuation": answer.times or "nobody is out",
         "Exits": "; ".join(answer.exits),
         "Queues": answer.queue or "not recorded",
+        **({"Last person out": _last(run)} if run.evacuated else {}),
         "Second opinion": hydraulic_answer(run),
         "Walking": f"{answer.movement}{_basis(run)}",
         "People": str(run.number_of_people),
@@ -97,6 +100,14 @@ def main_results(run: Results) -> dict[str, object]:
         "Quality warnings": str(len(run.quality_warnings)),
         "Warnings about building and people": str(len(run.warnings)),
     }
+
+
+def _last(run: Results) -> str:
+    """Return what the time of the last person who is out consists of: its response or arrival, and its way."""
+    crowd, row = run.crowd, int(np.nanargmax(run.crowd.exit_time))
+    start = float(np.fmax(crowd.start_time, crowd.arrival_time)[row])
+    way = f"{crowd.distance[row]:.1f} m in {crowd.exit_time[row] - start:.1f} s"
+    return f"Person {row}, who started to walk at {start:.1f} s, then {way}"
 
 
 def _basis(run: Results) -> str:

@@ -230,17 +230,13 @@ def _statistics(study: Study) -> Section:
             {
                 "name": ", ".join(f"{key} = {as_text(value)}" for key, value in point.parameters.items()),
                 "rows": statistics_table(study, point.index),
-                "picture": _egress_picture(study, point.index) if estimates.runs else None,
+                "picture": figures.egress_over_runs(study.people(point.index), egress(study, point.index))
+                if estimates.runs
+                else None,
                 "settled": list(measures.items()),
             }
         )
     return section("statistics", "Evacuation times over runs", points=points)
-
-
-def _egress_picture(study: Study, point: int) -> figures.Picture:
-    """Return the egress curves of a point."""
-    people = max(row["people"] for row in study.rows(point, ["people"]))
-    return figures.egress_over_runs(people, egress(study, point))
 
 
 def _margins(points: Sequence[Mapping[str, Any]]) -> Iterator[Section]:

@@ -38,24 +38,12 @@ class Answer(NamedTuple):
 
     def lines(self) -> list[str]:
         """Return all lines that are not empty."""
-        parts = (
-            self.verdict,
-            self.outcome,
-            self.times,
-            *self.exits,
-            self.queue,
-            self.movement,
-            *self.remarks,
-            self.warnings,
-        )
-        return [line for line in parts if line]
+        return [line for part in self for line in (part if isinstance(part, tuple) else (part,)) if line]
 
 
 def answer_of(results: "Results") -> Answer:
     """Return the answer of a run, from its results and, where there is one, its trajectory."""
-    queue, keepers = "", ", ".join(results.keeps_distance)
-    if results.trajectory is not None:
-        queue = _queues(results)
+    queue, keepers = "" if results.trajectory is None else _queues(results), ", ".join(results.keeps_distance)
     movement = f"People do not keep distances; to change this: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
     movement = f"People keep distances ({keepers})" if keepers else movement
     said = results.verdict["text"], _outcome(results), _times(results), _exits(results), queue, movement

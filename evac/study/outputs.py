@@ -294,8 +294,7 @@ def figure_of(study: "Study", curve: Mapping[str, FloatArray]) -> "Figure":
     title = f"{textwrap.fill(case.title, 90)}\n"
     if len(study.points) == 1:
         title += f"{each.runs} runs, everybody out in {each.runs - each.blocked}"
-        people = max((row["people"] for row in study.rows(0, ["people"])), default=0)
-        return runs_figure(title, people, curve)
+        return runs_figure(title, study.people(0), curve)
     middle = np.array([(of.value, of.low, of.high) for of in (each[study.central] for each in study.statistics)])
     greatest = np.array([each.percentiles[-1].value for each in study.statistics])
     of = "mean of the complete runs" if study.central == "mean" else "median of all runs"

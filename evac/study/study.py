@@ -212,6 +212,10 @@ class Study:
         """Return the evacuation times (runs,) [s] of a point; infinite if people are left, NaN for failed runs."""
         return self._times(point, self._wanted[point])
 
+    def people(self, point: int) -> int:
+        """Return the greatest number of people of the runs of a point; 0 without runs."""
+        return max((row["people"] for row in self.rows(point, ["people"])), default=0)
+
     def populations(self, point: int) -> list[int]:
         """Return the number of the population of each run of a point."""
         return [self.seeds.population(run) for run in range(self._wanted[point])]

@@ -65,6 +65,13 @@ def test_text_of_files_and_options_is_escaped(page, text):
     assert page.fact("Author") == HOSTILE
 
 
+def test_the_last_person_out_is_told_with_its_response_and_its_way(page, people):
+    last = max(people, key=lambda one: float(one["exit_time"]))
+    start, exit_time = float(last["response_time"]), float(last["exit_time"])
+    way = f"{float(last['distance']):.1f} m in {exit_time - start:.1f} s"
+    assert page.fact("Last person out") == f"Person {last['person']}, who started to walk at {start:.1f} s, then {way}"
+
+
 def test_links_lead_to_sections_and_ids_are_unique(page):
     targets = {target.removeprefix("#") for target in page.of("href") if target.startswith("#")}
     ids = page.of("id")
@@ -176,6 +183,7 @@ def test_a_run_in_which_nobody_is_to_leave_has_a_report(tmp_path):
     evac.run(load_case("square_room", {"people": staff, **QUIET}), tmp_path / "r", progress=False)
     page = Page(run_report(tmp_path / "r", places=Places(maps=())))
     assert page.table("share of the people")[-1] == ["100 %", "0", "not reached"]
+    assert "Last person out" not in page.text
     assert "Not everybody left" not in page.text
 
 
