@@ -293,8 +293,7 @@ def test_a_door_at_no_wall_is_missing(tmp_path):
 
 def test_a_plan_that_is_not_closed_is_missing(tmp_path):
     drawing = two_plans()
-    for y in (0, 4):
-        drawing.line([(40, y), (54, y)], "WALL")
+    drawing.line([(54, 0), (40, 0), (40, 4), (54, 4)], "WALL")
     drawing.line([(70, 0), (71, 0)], "WALL")  # of a legend
     drawing.swing((42.0, 0.0), 0.9, 0.0, "DOOR", leaf=90.0)
     drawing.document.saveas(tmp_path / "a.dxf")
