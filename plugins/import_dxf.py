@@ -346,7 +346,6 @@ class DxfImporter(Importer):
         swept = shapely.union_all([*(swing.sector.buffer(LEAF) for swing in swings), *treads])
         shapely.prepare(swept)
         lines = [wall.line for wall in walls if not swept.covers(wall.line)]
-        lines += _jambs([wall.line for wall in walls if swept.covers(wall.line)], lines)
         long = [side for pane in panes for side in pane.sides if side.length >= LEAST_PANE and not swept.covers(side)]
         lines += [*shapely.linestrings(reaching(shapely.get_coordinates(long), lines).reshape(-1, 2, 2))]
         others = [side for one in drawn if one.use == "doors" and not one.is_curve for side in one.sides]
@@ -508,14 +507,6 @@ def _with_walls(plan: Plan, drawn: list[Drawn]) -> list[Drawn]:
     for layer, why in walls.items():
         plan.note("assumed", f"layer {layer!r}: {why} (walls)")
     return [replace(one, use="walls") if not one.use and one.layer in walls else one for one in drawn]
-
-
-def _jambs(swept: Sequence[BaseGeometry], walls: Sequence[BaseGeometry]) -> list[BaseGeometry]:
-    """Return those of the lines at the leaves of doors that are end faces of walls, which a leaf is as thin as."""
-    around = shapely.union_all([*walls])
-    shapely.prepare(around)
-    short = [line for line in swept if line.length <= 2.0 * LEAF]
-    return [line for line in short if all(around.dwithin(end, CLOSED) for end in shapely.points(line.coords))]
 
 
 def _move_above(lower: Sequence[Drawn], upper: Sequence[Drawn]) -> tuple[FloatArray, float]:

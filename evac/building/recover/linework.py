@@ -114,36 +114,41 @@ def rooms_of(
     """
     body = shapely.union_all([*solids], grid_size=GRID)
     drawn = faces_of(lines, gap)
+    walls = _noded([*drawn.pieces, *_end_faces(drawn.pieces)])
     known = np.asarray(doors, dtype=np.float64).reshape(-1, 4)
-    across = reaching(known, drawn.pieces)
-    found = _door_lines(drawn.pieces, gap, door)
+    across = reaching(known, walls)
+    found = _door_lines(walls, gap, door)
     found = [one for one in found if not _is_at(_as_lines(across), shapely.LineString(one[0].reshape(2, 2)))]
     ends = shapely.get_coordinates([*panes]).reshape(-1, 4)
     is_long = segment_lengths(ends) > THICKEST_WALL
-    sills = _joining(reaching(ends[is_long], drawn.pieces), drawn.pieces)  # through frames
+    sills = _joining(reaching(ends[is_long], walls), walls)  # through frames
     sills = [one for one in sills if not _is_at(_as_lines(across), one)]
     at = [_hull(pair).buffer(BETWEEN_PANES) for _, pair in found]
     is_door = [sum(_is_at([one], sill) for sill in sills) < 2 for one in at]
     found, openings = [*compress(found, is_door)], [*compress(at, is_door)]
     glass = [sill for sill in sills if not _is_at(openings, sill)]
     jambs = [side for _, pair in found if len(pair) == 2 for side in (pair[:, :2], pair[:, 2:])]
-    glass += [shapely.LineString(jamb) for jamb in jambs] + _joining(ends[~is_long], drawn.pieces)
+    glass += [shapely.LineString(jamb) for jamb in jambs] + _joining(ends[~is_long], walls)
     ways = np.concatenate([*(pair for _, pair in found), across]).reshape(-1, 4)
-    closed = _noded([*drawn.pieces, *_as_lines(ways), *glass, *_end_faces(across, drawn.pieces)])
+    closed = _noded([*walls, *_as_lines(ways), *glass])
     mouths = _mouths(drawn.pieces, _floor_of(closed, ways, body), door)
     closed = _noded([*closed, *_as_lines(mouths)])
     rooms = _floor_of(closed, np.concatenate([ways, mouths]), body)
     strips = [_hull(pair) for _, pair in found if len(pair) == 2 and _with_floor(_as_lines(pair), rooms).any()]
     floor = shapely.union_all([rooms, *strips], grid_size=GRID)
     outside = [one for one in drawn.loose if not floor.intersects(one.interpolate(0.5, normalized=True))]
-    floor = _without_walls(floor, drawn.pieces, wall)
+    shared = shapely.union_all(walls[_with_floor(walls, floor).all(axis=1)])
+    if not shared.is_empty:
+        thick = shapely.line_merge(shared).buffer(wall / 2, cap_style="flat", join_style="mitre")
+        floor = shapely.difference(floor, thick, grid_size=GRID)
+    floor = flat_parts(floor)
     sides = door_sides(known, floor)
     inside = [middle for middle, pair in found if _with_floor(_as_lines(pair), floor).all()]
     outer = np.concatenate([ways[: len(ways) - len(known)], mouths[segment_lengths(mouths) > THICKEST_WALL]])
     outer = outer[_with_floor(_as_lines(outer), floor).sum(axis=1) == 1]
     small = [face for face in _wide(closed) if not floor.intersects(face.representative_point())]
     is_outer = (sides == 1) & leads_out(known, floor)
-    is_open = is_outer & ~_walled(known, floor, drawn.pieces)
+    is_open = is_outer & ~_walled(known, floor, walls)
     outer = np.concatenate([outer[leads_out(outer, floor)], known[is_outer & ~is_open]])
     between = np.array(inside).reshape(-1, 4)
     return Rooms(floor, drawn.closed, between, known[sides == 2], outer, known[is_open], outside, small)
@@ -162,30 +167,6 @@ def sides_of_walls(lines: Sequence[BaseGeometry] | Lines) -> IndexArray:
     fits = alike & (apart > SPACING[0]) & (length[other] > 0.3 * length[one]) & (length[one] > LEAST_SIDE)
     found: IndexArray = np.column_stack([one, other])[fits]
     return found
-
-
-def _without_walls(floor: BaseGeometry, pieces: Lines, wall: float) -> BaseGeometry:
-    """Return a floor without the walls in it: between both sides of one, or of a given thickness [m] if it has one."""
-    inside = np.flatnonzero(_with_floor(pieces, floor).all(axis=1))
-    if not len(inside):
-        return flat_parts(floor)
-    pairs = sides_of_walls(pieces)
-    pairs = pairs[np.isin(pairs[:, 0], inside)]
-    single = shapely.line_merge(shapely.union_all(pieces[np.setdiff1d(inside, pairs)]))
-    thick = [single.buffer(wall / 2, cap_style="flat", join_style="mitre"), *_interiors(pieces[pairs])]
-    ground = shapely.get_parts(shapely.difference(floor, shapely.union_all(thick), grid_size=GRID))
-    return flat_parts(shapely.union_all(ground[shapely.area(ground) >= LEAST_CABIN]))
-
-
-def _interiors(pairs: Lines) -> list[BaseGeometry]:
-    """Return the ground between the two sides of walls (p, 2), as far as they are beside each other."""
-    found = []
-    for one, other in pairs:
-        along = np.sort(shapely.line_locate_point(one, shapely.points(other.coords)))
-        near = shapely.line_interpolate_point(one, along)
-        across = shapely.line_interpolate_point(other, shapely.line_locate_point(other, near))
-        found.append(shapely.MultiPoint([*near, *across]).convex_hull)
-    return [ground for ground in found if ground.geom_type == "Polygon"]
 
 
 def _wide(pieces: Lines) -> list[BaseGeometry]:
@@ -222,23 +203,22 @@ def reaching(doors: FloatArray, walls: Sequence[BaseGeometry] | Lines) -> FloatA
     return np.array(found).reshape(-1, 4)
 
 
-def _end_faces(doors: FloatArray, walls: Lines) -> list[BaseGeometry]:
-    """Return the end faces of walls beside doors (k, 4) whose two sides end there without one."""
-    if not len(walls):
+def _end_faces(pieces: Lines) -> list[BaseGeometry]:
+    """Return the end faces of walls whose two sides end beside each other without one."""
+    if not len(pieces):
         return []
-    nodes, _, count = _nodes(walls)
-    free, found = nodes[count == 1], []
-    for door in doors.reshape(-1, 2, 2):
-        way = (door[1] - door[0]) / np.hypot(*(door[1] - door[0]))
-        for end in door:
-            along, off = (free - end) @ way, (free - end) @ [-way[1], way[0]]
-            near = np.abs(off) + 1e3 * (np.abs(along) > BETWEEN_PANES)
-            sides = [
-                free[is_side][near[is_side].argmin()] for is_side in (off > BESIDE, off < -BESIDE) if is_side.any()
-            ]
-            if len(sides) == 2 and np.hypot(*(sides[1] - sides[0])) < THICKEST_WALL:
-                found.append(shapely.LineString([sides[0], end, sides[1]]))
-    return found
+    nodes, at, count = _nodes(pieces)
+    free = np.flatnonzero(count[at] == 1)
+    ends, behind = nodes[at.ravel()[free]], nodes[at[:, ::-1].ravel()[free]]
+    way = (ends - behind) / np.hypot(*(ends - behind).T)[:, None]
+    one, other = shapely.STRtree(shapely.points(ends)).query(shapely.points(ends), "dwithin", distance=THICKEST_WALL)
+    across = ends[other] - ends[one]
+    far = np.hypot(*across.T)
+    fits = (far > SPACING[0]) & ((way[one] * way[other]).sum(axis=1) > PARALLEL)
+    fits &= np.abs((way[one] * across).sum(axis=1)) < far / 2
+    nearest = {int(one[row]): int(other[row]) for row in np.flatnonzero(fits)[np.argsort(-far[fits], kind="stable")]}
+    pairs = [(a, b) for a, b in nearest.items() if a < b and nearest.get(b) == a]
+    return [shapely.LineString(ends[[a, b]]) for a, b in pairs]
 
 
 def _is_at(places: Sequence[BaseGeometry], line: BaseGeometry) -> bool:
@@ -437,26 +417,7 @@ def _door_lines(pieces: Lines, gap: float, door: float) -> list[tuple[FloatArray
             middle = pair.mean(axis=0)
             key = np.sort(np.round(middle.reshape(2, 2), 2).view("f8,f8"), axis=0)  # the same from both of its sides
             doors.setdefault(tuple(key.view(np.float64).ravel().tolist()), (middle, np.round(pair, 6) + 0.0))
-    return _in_pairs([doors[name] for name in sorted(doors)])
-
-
-def _in_pairs(doors: list[tuple[FloatArray, FloatArray]]) -> list[tuple[FloatArray, FloatArray]]:
-    """Return doors of which two lines that face each other, one per side of a wall without jambs, are one door."""
-    left, found = [*doors], []
-    while left:
-        middle, pair = left.pop(0)
-        for k, (_, other) in enumerate(left):
-            if len(pair) == len(other) == 1:
-                ends, others = pair.reshape(2, 2), other.reshape(2, 2)
-                flipped = others[::-1] if (ends[1] - ends[0]) @ (others[1] - others[0]) < 0.0 else others
-                apart = np.hypot(*(flipped - ends).T)
-                if LEAST_LENGTH < apart.max() <= THICKEST_WALL and np.ptp(apart) < BETWEEN_PANES:
-                    pair = np.stack([ends.ravel(), flipped.ravel()])
-                    middle = pair.mean(axis=0)
-                    left.pop(k)
-                    break
-        found.append((middle, pair))
-    return found
+    return [doors[name] for name in sorted(doors)]
 
 
 def _is_jamb(across: FloatArray, back: list[FloatArray]) -> bool:
