@@ -11,6 +11,7 @@ from rich import progress as bars
 from rich.console import Console
 
 from evac.base.errors import counted
+from evac.base.phases import shown_by
 
 if TYPE_CHECKING:
     from evac.base.phases import Progress
@@ -28,7 +29,7 @@ class Display:
     """Shows people out, simulated time, speed relative to real time and the estimated time left.
 
     A context manager; call `phase` with a description of each phase before the loop, and the display itself with a
-    `Progress` at every tick.
+    `Progress` at every tick. It also shows how far loops are that tell it (`evac.base.phases.told`).
     """
 
     def __init__(self, has_lines: bool = True) -> None:
@@ -41,6 +42,7 @@ class Display:
             bars.TextColumn("{task.description}", markup=False),
             bars.BarColumn(bar_width=30),
             bars.TextColumn("{task.fields[numbers]}", markup=False),
+            bars.TimeElapsedColumn(),
             console=self._console,
             transient=True,
             disable=not self._is_bar,
@@ -48,15 +50,18 @@ class Display:
         self._task = self._bar.add_task("starting", total=None, numbers="")
         self._start = self._shown = time.perf_counter()
         self._first: Progress | None = None
-        self._compiling_since: float | None = None
+        self._is_entered, self._what = False, ""
 
     def __enter__(self) -> Self:
         self._bar.start()
+        shown_by.append(self.steps)
+        self._is_entered = True
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        shown_by.remove(self.steps)
         self._bar.stop()
 
     def phase(self, what: str) -> None:
@@ -64,21 +69,31 @@ class Display:
         self._bar.reset(self._task, total=None, description=what, numbers="")
 
     def compiling(self, done: int, kernels: int) -> None:
-        """Show how many kernels have been compiled, and for how long; the directions are computed after the last."""
-        now = time.perf_counter()
-        if self._compiling_since is None:
-            self._compiling_since = self._shown = now
-            if not self._is_bar:
-                self._print(f"compiling {counted(kernels, 'kernel')}, kept for later runs")
-        numbers = f"{done}/{kernels} kernels, {now - self._compiling_since:.0f} s"
+        """Show how many kernels have been compiled; the directions are computed after the last."""
+        if self._what != "compiling" and not self._is_bar:
+            self._print(f"compiling {counted(kernels, 'kernel')}, kept for later runs")
+        self.steps("compiling", done, kernels)
         if done == kernels:
-            self._compiling_since = None
             self.phase("computing directions")
-        elif self._is_bar:
-            self._bar.update(self._task, description="compiling", total=kernels, completed=done, numbers=numbers)
-        elif now - self._shown >= LINE_EVERY:
+
+    def steps(self, what: str, done: int, count: int) -> None:
+        """Show how many steps of a phase are done, and the estimated time left."""
+        now = time.perf_counter()
+        if what != self._what:
+            self._what, self._start, self._shown = what, now, now
+        if done == count:
+            self._what = ""
+            self.phase(what)
+            if not self._is_entered:
+                self._bar.stop()
+        elif done and now - self._shown >= (BAR_EVERY if self._is_bar else LINE_EVERY):
             self._shown = now
-            self._print(numbers)
+            numbers = f"{done}/{count}, ETA {_clock((now - self._start) * (count - done) / done)}"
+            if self._is_bar:
+                self._bar.start()  # of a command that has no display of its own, until the loop ends
+                self._bar.update(self._task, description=what, total=count, completed=done, numbers=numbers)
+            else:
+                self._print(f"{what}: {numbers}")
 
     def line(self, text: str) -> None:
         """Print a permanent line above the bar."""
@@ -172,6 +187,11 @@ def numbers_of(first: "Progress", state: "Progress", wall: float) -> str:
     bound = "" if gone else "< "
     if gone:
         left = min(left, (state.people - state.out) * wall / gone)
-    minutes, seconds = divmod(round(left), 60)
     counts = f"{state.out}/{state.people} out, t = {state.time:.1f} s"
-    return f"{counts}, {speed:.3g} x real time, ETA {bound}{minutes}:{seconds:02d}"
+    return f"{counts}, {speed:.3g} x real time, ETA {bound}{_clock(left)}"
+
+
+def _clock(seconds: float) -> str:
+    """Return a time as minutes and seconds."""
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02d}"

@@ -1,9 +1,15 @@
-"""Progress of a run, and its wall time by phase."""
+"""Progress of a run and of long loops, and the wall time of a run by phase."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TypeVar
+
+T = TypeVar("T")
+
+#: What shows how far loops are, see `told`; the last is called with a description, the steps done, and their number.
+shown_by: list[Callable[[str, int, int], None]] = []
 
 #: Phases in the order in which they begin. "preparation" is the time before the run that belongs to no other phase,
 #: "kernels" the time for loading and compiling code, "output" the time for everything that is shown or written.
@@ -18,6 +24,16 @@ class Progress:
     duration: float  # [s]
     people: int
     out: int
+
+
+def told(what: str, items: Iterable[T], count: int) -> Iterator[T]:
+    """Yield `count` items, and have it shown, if a command does so, how many of them are done."""
+    for done, item in enumerate(items):
+        if shown_by:
+            shown_by[-1](what, done, count)
+        yield item
+    if shown_by:
+        shown_by[-1](what, count, count)
 
 
 class Phases:

@@ -16,8 +16,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NoReturn
 
+from evac.base.display import Display
 from evac.base.errors import EvacError, PluginError, in_one_line, text_of
 from evac.base.parameters import did_you_mean
+from evac.base.phases import shown_by
 from evac.cli.screen import crash_file, lasting, note, shown_warnings, told_loss
 
 #: Exit status for bad input, for an error in evac itself (EX_SOFTWARE of sysexits.h), and for an interrupt by Ctrl-C.
@@ -73,6 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     with shown_warnings():
         try:
             arguments = parsed(argv)
+            shown_by[:] = [Display().steps]
             return int(arguments.execute(arguments))
         except EvacError as error:
             is_plugin = isinstance(error, PluginError) and error.__cause__ is not None

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.errors import ResultError
+from evac.base.phases import told
 from evac.building.model.building import Building
 from evac.building.model.elevation import on_level, triangles_on
 from evac.export.exporter import file_stems
@@ -137,7 +138,7 @@ def _files(trajectory: Trajectory) -> Iterator[tuple[str, bytes]]:
     buildings = [trajectory.building_at(time) for time in trajectory.time.tolist()]
     states = {building.condition: building for building in buildings}
     yield from _building_files([*states.values()])
-    for k in range(len(trajectory)):
+    for k in told("writing the VTK animation", range(len(trajectory)), len(trajectory)):
         yield frame_name(k), vtp_bytes(people_polydata(trajectory, trajectory[k]))
     names = {condition: building_name(k) for k, condition in enumerate(states)}
     yield ANIMATION_NAME, _pvd(trajectory.time, [names[building.condition] for building in buildings]).encode()

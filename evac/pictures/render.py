@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from evac.base.errors import ResultError
+from evac.base.phases import told
 from evac.building.model.building import Building
 from evac.building.model.elevation import on_level
 from evac.folder.files import replacing
@@ -245,7 +246,7 @@ def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: f
     if path.suffix == ".mp4" and importlib.util.find_spec("imageio_ffmpeg") is None:
         raise ResultError(f'{path}: an MP4 film needs an extra: pip install "evac[film]", or write a .gif')
     frames = [trajectory.nearest(k * speed / fps) for k in range(count)]
-    images = (renderer.image(k) for k in frames)
+    images = (renderer.image(k) for k in told("drawing the film", frames, count))
     with replacing(path, "the film") as new:
         if path.suffix == ".mp4":
             import imageio.v2 as imageio

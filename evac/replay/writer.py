@@ -15,6 +15,7 @@ from evac.base.arrays import FloatArray
 from evac.base.change import Change
 from evac.base.defaults import MOST_HEIGHT
 from evac.base.errors import ResultError
+from evac.base.phases import told
 from evac.building.model.links import building_at
 from evac.folder.files import replacing
 from evac.pictures import palette
@@ -113,7 +114,7 @@ def packed(trajectory: Trajectory, every: float | None = None) -> MotionPacker:
     smoke = trajectory.field(palette.SMOKE) if has_smoke else None
     motion = MotionPacker(trajectory.number_of_people, trajectory.building, smoke, trajectory.contrast)
     chosen = _chosen(trajectory.time, every)
-    for k in range(len(trajectory)):
+    for k in told("writing the replay", range(len(trajectory)), len(trajectory)):
         motion.add(trajectory[k], k in chosen, trajectory.has_dose, None if smoke is None else smoke.values[k])
     return motion
 

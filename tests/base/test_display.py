@@ -6,6 +6,7 @@ import pytest
 
 from evac.base import display as progress
 from evac.base.display import Display, numbers_of
+from evac.base.phases import told
 from evac.simulation.simulation import Progress
 
 
@@ -52,8 +53,17 @@ def test_a_terminal_gets_a_bar(monkeypatch):
     assert "reading the [case]" in screen.getvalue()
     with Display() as display:
         display.compiling(3, 9)
-    assert "3/9 kernels, 0 s" in screen.getvalue()
+    assert "3/9, ETA 0:0" in screen.getvalue()
     assert "2/8 out, t = 3.0 s" in screen.getvalue()
+
+
+def test_loops_tell_how_far_they_are(monkeypatch, capsys):
+    clock = iter([0.0, *(10.0 * k for k in range(1, 6))])
+    monkeypatch.setattr(progress.time, "perf_counter", lambda: next(clock))
+    assert [*told("drawing", "abcd", 4)] == [*"abcd"]
+    with Display():
+        assert [*told("drawing", "abcd", 4)] == [*"abcd"]
+    assert capsys.readouterr().err.splitlines() == [f"drawing: {k}/4, ETA 0:{10 * (4 - k):02d}" for k in (1, 2, 3)]
 
 
 def test_a_file_is_no_terminal_whatever_variables_say(monkeypatch, capsys):
