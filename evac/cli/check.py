@@ -1,7 +1,6 @@
 """Commands that read a case or a building without running it: evac check, evac explain, evac conditions."""
 
 import argparse
-import itertools
 import json
 import math
 from collections.abc import Callable, Iterator
@@ -139,19 +138,11 @@ def _telling(arguments: argparse.Namespace, title: str) -> "Iterator[list[Findin
 
 def print_findings(path: Path, findings: "Sequence[Finding]") -> int:
     """Print findings as JSON, repeats together, with the numbers that they have in pictures; return 2 for errors."""
-    from evac.building.model.findings import grouped
+    from evac.building.model.findings import numbered_rows
 
-    numbers, rows = itertools.count(1), []
-    for first, *others in grouped(findings):
-        number = next(numbers) if first.kind != "found" else None
-        rows.append({"number": number, "kind": first.kind} | _row(first) | {"others": [_row(one) for one in others]})
-    errors = sum(one.kind == "error" for one in findings)
+    errors, rows = sum(one.kind == "error" for one in findings), numbered_rows(findings)
     print(json.dumps({"file": str(path), "errors": errors, "findings": rows}, indent=1, ensure_ascii=False))
     return 2 if errors else 0
-
-
-def _row(finding: "Finding") -> dict[str, object]:
-    return {name: getattr(finding, name) for name in ("storey", "level", "place", "item", "text", "remedy")}
 
 
 def check_result(path: Path) -> int:

@@ -34,6 +34,7 @@ COMMANDS = {
     "list": "cases",
     "check": "check",
     **dict.fromkeys(("import", "new"), "cases"),
+    "edit": "edit",
     "explain": "check",
     **dict.fromkeys(("plugins", "schema", "cache"), "plugins"),
     "conditions": "check",

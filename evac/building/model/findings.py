@@ -6,7 +6,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from evac.base.defaults import LONGEST_NAME
 from evac.base.errors import BuildingError, is_one_line
@@ -149,6 +149,19 @@ def grouped(findings: Iterable[Finding]) -> list[list[Finding]]:
     for finding in findings:
         groups.setdefault((finding.kind, OWN.sub("", finding.text)), []).append(finding)
     return [*groups.values()]
+
+
+def numbered_rows(findings: Sequence[Finding]) -> list[dict[str, Any]]:
+    """Return findings as plain data, repeats together, with the numbers that they have in pictures."""
+    numbers, rows = itertools.count(1), []
+    for first, *others in grouped(findings):
+        number = next(numbers) if first.kind != "found" else None
+        rows.append({"number": number, "kind": first.kind} | _row(first) | {"others": [_row(one) for one in others]})
+    return rows
+
+
+def _row(finding: Finding) -> dict[str, Any]:
+    return {name: getattr(finding, name) for name in ("storey", "level", "place", "item", "text", "remedy")}
 
 
 def and_more(group: Sequence[Finding]) -> str:

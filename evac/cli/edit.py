@@ -1,0 +1,34 @@
+"""The command that shows a plan to draw on: evac edit."""
+
+import argparse
+from pathlib import Path
+
+from evac.cli.screen import note, say, show_facts
+
+
+def declare_edit(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `evac edit`."""
+    what = "a case.toml, a folder that contains one, or a plan file (.plan.toml)"
+    parser.add_argument("case", metavar="CASE|PLAN", type=Path, help=what)
+    parser.add_argument("--no-browser", action="store_true", help="print the address of the page, and open no browser")
+
+
+def execute_edit(arguments: argparse.Namespace) -> int:
+    """Draw a plan in the browser, storey by storey, and see what evac check says while drawing.
+
+    The page is served on this machine alone, at an address that nobody else knows. Saving changes only the touched
+    lines of the file; comments stay. What is not saved is kept in a journal beside the file (.unsaved), and found again
+    when the plan is opened. Ends with Ctrl-C, or two minutes after the page was closed.
+    """
+    from evac.editor import Server, Session
+
+    with Server(Session(arguments.case)) as server:
+        show_facts({"plan": server.session.file, "address": server.address})
+        note("Ctrl-C ends; so does closing the page, after some time")
+        try:
+            server.serve(not arguments.no_browser)
+        except KeyboardInterrupt:
+            pass
+    if server.session.journal.exists():
+        say(f"not saved, kept for the next time: {server.session.journal}")
+    return 0

@@ -1,0 +1,111 @@
+"""What `evac check` says of a plan that is being drawn, and the building of what is right in it."""
+
+import base64
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from evac.base.errors import BuildingError, EvacError
+from evac.building.model.building import Building, Level
+from evac.building.model.findings import PART, Finding, numbered_rows
+from evac.building.model.links import levels_reaching
+from evac.building.options import BuildingOptions
+from evac.building.plan.plantable import plan_of
+from evac.building.surface.build import build_building
+from evac.building.surface.checks import check_exits
+from evac.case.loading import load_case
+from evac.contract.registry import Registry
+from evac.people.groups import check_people
+from evac.people.places import with_places
+from evac.replay.geometry import building_for_page
+from evac.simulation.assembly import read_storeys
+
+if TYPE_CHECKING:
+    from evac.case.case import Case
+
+
+def judge(file: Path, case_file: Path | None, prefix: str, table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the findings about a plan as `evac check` numbers them, and the building for the page if there is one.
+
+    `file`: where the plan is; `case_file`: the case that uses it; `prefix`: of keys of the plan in messages.
+    """
+    start, told, building = time.perf_counter(), list[Finding](), None
+    case, options, registry = None, BuildingOptions(), Registry()
+    try:
+        if case_file is not None:
+            case = load_case(case_file)
+            options, registry = case.building, case.registry
+    except EvacError as error:
+        told += _told(error, case_file)
+    try:
+        surface = read_storeys(plan_of(table, file, file.parent, prefix), registry).surface()
+        building = build_building(surface, file, options, need_exit=False)
+        told += building.findings
+        _check_use(building, case)
+    except EvacError as error:
+        found = error.findings if isinstance(error, BuildingError) else ()
+        told += found or _told(error, file)
+        if building is None and isinstance(error, BuildingError) and error.building is not None:
+            building = error.building
+            told += building.findings
+    return {
+        "errors": sum(one.kind == "error" for one in told),
+        "findings": numbered_rows(told),
+        "building": None if building is None else _drawn(building),
+        "seconds": round(time.perf_counter() - start, 3),
+    }
+
+
+def _check_use(building: Building, case: "Case | None") -> None:
+    """Check that a building has exits, and what a case says of it."""
+    check_exits(building)
+    if case is not None:
+        check_people(case, with_places(case, building))
+
+
+def _told(error: EvacError, source: Path | None) -> tuple[Finding, ...]:
+    return tuple(Finding("error", line.removeprefix(f"{source}: ")) for line in str(error).splitlines())
+
+
+def _drawn(building: Building) -> dict[str, Any]:
+    """Return a building as the page draws it in plan [m], and as the replay draws it in 3D."""
+    origin = np.round(building.vertices[:, :2].mean(axis=0))
+    page, floors = building_for_page(building, origin)
+    ends = [way for way in building.exits if building.is_open(way)]
+    reached = levels_reaching(building, ends) if ends else set()
+    storeys = [PART.sub("", level.name) for level in building.levels]
+    return {
+        "levels": [_level(level, storeys[level.index], level.index in reached) for level in building.levels],
+        "segments": {
+            "doors": [
+                {"name": one.name, "storey": storeys[one.level], "ends": np.round(one.segment, 3).reshape(-1, 4).tolist()}
+                for one in building.doors
+            ],
+            "exits": [
+                {"name": one.name, "storey": storeys[one.level], "ends": np.round(one.segments, 3).tolist()}
+                for one in building.exits
+            ],
+        },
+        "three": {"building": page, "floors": base64.b64encode(floors.tobytes()).decode(), "origin": origin.tolist()},
+    }
+
+
+def _level(level: Level, storey: str, is_reached: bool) -> dict[str, Any]:
+    rings = [
+        [np.round(shapely.get_coordinates(ring), 3).tolist() for ring in (part.exterior, *part.interiors)]
+        for part in shapely.get_parts(level.polygon)
+    ]
+    return {
+        "storey": storey if level.kind == "floor" else None,
+        "kind": level.kind,
+        "stair": level.stair,
+        "z": [round(level.z_min, 3), round(level.z_max, 3)],
+        "uphill": np.round(level.uphill, 4).tolist(),
+        "slope": round(float(np.degrees(level.slope)), 1),
+        "reached": is_reached,
+        "polygons": rings,
+    }

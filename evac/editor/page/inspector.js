@@ -1,0 +1,126 @@
+// What is selected, with its values; the storeys; the findings; the changes of the file.
+
+// Of each section, its keys: label, and how they are given.
+const NUMBER = "number", TEXT = "text", STOREY = "storey";
+const BENT = ["", "left", "right"];
+const FIELDS = {
+  rooms: { use: ["Use", TEXT], people: ["People", NUMBER], density: ["People per m²", NUMBER] },
+  storeys: { z: ["Height [m]", NUMBER], wall: ["Walls [m]", NUMBER], like: ["Like storey", STOREY] },
+  shafts: { lower: ["From storey", STOREY], upper: ["To storey", STOREY], width: ["Width [m]", NUMBER], rise: ["Rise [m]", NUMBER], going: ["Going [m]", NUMBER], length: ["Length [m]", NUMBER], turn: ["Turn", BENT], gap: ["Gap [m]", NUMBER], landing: ["Landing [m]", NUMBER], landings: ["Landings", NUMBER] },
+  stairs: { lower: ["From storey", STOREY], upper: ["To storey", STOREY], length: ["Length [m]", NUMBER], turn: ["Turn", BENT], gap: ["Gap [m]", NUMBER], landing: ["Landing [m]", NUMBER], landings: ["Landings", NUMBER] },
+  doors: { outside: ["With no room behind", ["", "refuse", "exit", "opening"]] },
+  areas: {}, obstacles: {}, exits: {}, openings: {},
+};
+const node = (tag, text = "", values = {}) => Object.assign(document.createElement(tag), { textContent: text }, values);
+
+class Inspector {
+  constructor(store, view, act) { Object.assign(this, { store, view, act }); }
+
+  get table() { return this.store.now; }
+
+  field(label, value, kind, change) {
+    const box = node("label", label), isChoice = Array.isArray(kind) || kind === STOREY;
+    const input = isChoice ? document.createElement("select") : node("input", "", { type: kind, step: "any", value: value ?? "" });
+    if (isChoice) {
+      const all = kind === STOREY ? ["", ...this.table.storeys.map(({ name }) => name)] : kind;
+      input.append(...all.map((one) => node("option", one || "–", { value: one })));
+      input.value = value ?? "";
+    }
+    input.addEventListener("change", () => {
+      const given = kind === NUMBER ? input.valueAsNumber : input.value.trim();
+      change(given === "" || Number.isNaN(given) ? undefined : given);
+    });
+    box.append(input);
+    return box;
+  }
+
+  show(selected) {
+    const box = by("inspector"), storey = this.table.storey(this.view.storey);
+    if (box.contains(document.activeElement) && document.activeElement.matches("input") && selected && this.shown === JSON.stringify(selected) && this.isTyping) return;
+    const index = this.table.rows("storeys").indexOf(storey), ref = selected ?? { section: "storeys", index }, row = this.table.row(ref);
+    this.shown = JSON.stringify(selected);
+    if (!row) return box.replaceChildren(node("h2", "Nothing is selected"));
+    const { section } = ref, isGround = ref.part !== undefined, what = selected ? singular(section) : "storey", commit = (next) => this.store.commit(next);
+    const set = (key) => (value) => commit(this.table.put(ref, key, value)), parts = [node("h2", `${capital(what)} ${row.name ?? ""}`)];
+    if (!isGround) parts.push(this.field("Name", row.name, TEXT, (name) => { if (name && name !== row.name) { if (what === "storey") this.act.renamed(name); commit(this.table.rename(ref, name)); } }));
+    if (!isGround) for (const [key, [label, kind]] of Object.entries(FIELDS[section])) parts.push(this.field(label, row[key], kind, set(key)));
+    if (what !== "storey") parts.push(...this.sizes(ref, row));
+    const actions = node("div", "", { className: "actions" });
+    if (selected && !isGround) actions.append(this.button("Duplicate", "Ctrl+D", this.act.duplicate));
+    if (selected || this.table.storeys.length > 1) actions.append(this.button("Delete", "Delete", this.act.remove));
+    box.replaceChildren(...parts, actions);
+  }
+
+  button(text, title, action) {
+    const button = node("button", text, { type: "button", title });
+    button.addEventListener("click", action);
+    return button;
+  }
+
+  // Widths of doors, widths and depths of outlines, and the length of a selected wall, which can be typed.
+  sizes(ref, row) {
+    const line = ON_WALLS.includes(ref.section) && this.view.lineOf(ref, row), found = [];
+    const commit = (next) => this.store.commit(next);
+    if (line && isTie(row.segment)) {
+      for (const [key, label] of [["width", "Width [m]"], ["at", "At [m]"]]) found.push(this.field(label, row.segment[key], NUMBER, (value) => { const { [key]: _, ...rest } = row.segment; commit(this.table.put(ref, "segment", value === undefined ? rest : { ...rest, [key]: value })); }));
+      found.push(node("p", `On the wall of ${row.segment.rooms.join(" and ")}`));
+    } else if (line) {
+      const [a, b] = line, whole = length(minus(b, a)), at = middle(line);
+      found.push(this.field("Width [m]", mm(whole), NUMBER, (width) => { if (width > 0) commit(this.table.set(ref, moved(row, (end) => at.map((value, i) => mm(value + (end[i] - value) * width / whole))))); }));
+    }
+    const { selected } = this.view, rings = this.table.rings(ref);
+    if ([...POLYGONS, "storeys"].includes(ref.section) && rings.length) {
+      const spans = [0, 1].map((i) => range(rings.flat(), (corner) => corner[i]));
+      for (const [i, label] of [[0, "Width [m]"], [1, "Depth [m]"]]) {
+        const [low, high] = spans[i];
+        found.push(this.field(label, mm(high - low), NUMBER, (size) => {
+          if (!(size > 0)) return;
+          const stretch = (corner) => corner.map((value, k) => k === i ? mm(low + (value - low) * size / (high - low)) : value);
+          commit(this.table.set(ref, moved(row, stretch, (number) => ref.part === undefined || number === ref.part)));
+        }));
+      }
+      found.push(node("p", `${Math.abs(rings.reduce((sum, ring, k) => sum + (k ? -1 : 1) * Math.abs(areaOf(ring)), 0)).toFixed(1)} m²`));
+    }
+    if (selected?.side) found.push(this.field("This wall [m]", mm(length(minus(selected.side[1], selected.side[0]))), NUMBER, (size) => this.stretch(rings, selected.side, size)));
+    return found;
+  }
+
+  // Gives a wall a length: the wall at its end is moved along it.
+  stretch(rings, [a, b], size) {
+    if (!(size > 0)) return;
+    const { step, whole } = nearest(a, [a, b]), by = step.map((value) => value * (size - whole));
+    const next = rings.flatMap(sidesOf2).find(([start]) => keyOf(start) === keyOf(b));
+    this.act.select(null);
+    if (next) this.store.commit(this.table.moveWall(this.view.storey, next, across(next, by)));
+  }
+
+  showStoreys() {
+    by("storeys").replaceChildren(...this.table.storeys.map(({ name, z, like }) => {
+      const button = this.button(name, "Page up, Page down", () => this.act.goTo(name)), item = document.createElement("li");
+      button.append(node("small", `${(z ?? 0).toFixed(2)} m${like ? `, like ${like}` : ""}`));
+      button.setAttribute("aria-pressed", name === this.view.storey);
+      item.append(button);
+      return item;
+    }));
+  }
+
+  showFindings(findings) {
+    const told = findings.filter(({ number }) => number);
+    by("count").textContent = told.length || "none";
+    by("findings").replaceChildren(...told.map((one) => {
+      const item = document.createElement("li"), more = one.others.length ? ` (and ${one.others.length} more like this)` : "", where = one.storey ?? one.level;
+      const button = this.button(`${one.number} ${one.kind}: ${one.text}${more}`, "", () => this.act.goToFinding(one));
+      button.className = one.kind;
+      if (where) button.append(node("span", where));
+      if (one.remedy) button.append(node("span", `remedy: ${one.remedy.replaceAll("\n", ", ")}`));
+      item.append(button);
+      return item;
+    }));
+  }
+
+  showChanges(difference, title) {
+    by("changes-title").textContent = title;
+    by("changes").replaceChildren(...difference.split("\n").slice(2).map((line) => node("div", line, { className: { "+": "added", "-": "removed" }[line[0]] ?? "" })));
+    if (!difference) by("changes").textContent = "none";
+  }
+}

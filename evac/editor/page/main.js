@@ -1,0 +1,295 @@
+// Puts everything together, and speaks with the server.
+
+const PAGE = Array.from(crypto.getRandomValues(new Uint32Array(2)), (word) => word.toString(36)).join("");  // Of several that are open.
+const KEYS = [
+  ["V, R, W, D, E, S, A, O, M", "tools: select, room, wall, door, exit, stair, area, obstacle, measure"],
+  ["Click, Enter", "with a tool: the next point; at the first one again, the outline ends"],
+  ["Arrows, with Shift 1 m", "move what is selected, or the cross with which one draws, by 0.1 m"],
+  ["Digits", "while drawing: a length, or 6x4 a rectangle, then Enter"],
+  ["Shift while drawing", "no snapping"],
+  ["N, Shift+N", "select the next thing of the storey, the one before"],
+  ["C", "next wall or corner of what is selected, which arrows then move"],
+  ["I", "type the values of what is selected"],
+  ["Delete, Ctrl+D", "delete, duplicate"],
+  ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"],
+  ["Page up, Page down", "next storey up, down"],
+  ["3, F, + −", "plan or 3D, show all, zoom"],
+  ["Ctrl+S", "save"],
+  ["T, ?", "light or dark, these keys"],
+  ["Escape", "stop drawing, deselect"],
+  ["Wheel; right or Alt drag", "zoom; move the view"],
+];
+
+async function ask(name, body) {
+  let answer;
+  try {
+    answer = await fetch(name, body && { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+  } catch {
+    throw new Error("evac edit has ended. What is not saved is kept beside the file: start it again with the same file");
+  }
+  const data = await answer.json();
+  if (!answer.ok) throw Object.assign(new Error(data.error), { status: answer.status });
+  return data;
+}
+
+async function start() {
+  const opened = await ask("document");
+  const store = new Store(opened.table, changed), view = new PlanView(by("view"), store), view3d = new View3D(by("view3d"));
+  let { digest } = opened, onDisk = digest, isAsked = false, isStale = false;
+  view.storey = store.now.storeys[0]?.name ?? "";
+
+  const act = {
+    selected: () => view.selected,
+    say(text) { by("told").textContent = text; },
+
+    select(ref) {
+      view.selected = ref;
+      inspector.show(ref);
+      view.draw();
+    },
+
+    goTo(name) {
+      view.storey = name;
+      act.select(null);
+      inspector.showStoreys();
+    },
+
+    renamed(name) { view.storey = name; },
+
+    climb(by) {
+      const all = store.now.storeys, next = all[all.findIndex(({ name }) => name === view.storey) + by];
+      if (next) act.goTo(next.name);
+    },
+
+    goToFinding({ storey, at, ref }) {
+      if (storey && store.now.storey(storey)) act.goTo(storey);
+      if (ref) act.select(ref);
+      showView(false);
+      if (at) view.goTo(at);
+      view.canvas.focus();
+    },
+
+    toolChanged() {
+      for (const button of by("tools").children) button.setAttribute("aria-pressed", button.value === tools.tool);
+      by("hint").textContent = TOOLS[tools.tool].hint;
+      by("view").classList.toggle("drawing", tools.tool !== "select");
+      showView(false);
+    },
+
+    remove() {
+      const ref = view.selected ?? { section: "storeys", index: store.now.rows("storeys").findIndex(({ name }) => name === view.storey) };
+      if (store.now.row(ref)) {
+        const { corner, side, ...whole } = ref;
+        view.selected = null;
+        store.commit(store.now.remove(whole));
+      }
+    },
+
+    duplicate() {
+      const ref = view.selected;
+      if (!ref || ref.part !== undefined) return;
+      view.selected = { section: ref.section, index: store.now.rows(ref.section).length };
+      store.commit(store.now.duplicate(ref));
+    },
+
+    // Selects the next or the previous thing of the storey.
+    next(by) {
+      const all = store.now.on(view.storey), now = all.findIndex((ref) => view.selected && ref.section === view.selected.section && ref.index === view.selected.index && ref.part === view.selected.part);
+      if (!all.length) return;
+      const ref = all[(now + by + all.length) % all.length], row = store.now.row(ref), at = view.lineOf(ref, row)?.[0] ?? store.now.rings(ref)[0]?.[0];
+      act.select(ref);
+      if (at) view.reveal(at);
+      act.say(`${capital(singular(ref.section))} ${row.name ?? ""}`);
+    },
+
+    nextPart() {
+      const { corner, side, ...ref } = view.selected ?? {}, rings = ref.section ? store.now.rings(ref) : [];
+      const parts = rings.flatMap((ring) => sidesOf2(ring).flatMap((one) => [{ corner: one[0] }, { side: one }]));
+      const now = parts.findIndex((part) => corner ? part.corner && keyOf(part.corner) === keyOf(corner) : side && part.side && keyOf(part.side[0]) === keyOf(side[0]));
+      const part = parts[(now + 1) % parts.length];
+      if (![...POLYGONS, "storeys"].includes(ref.section)) return;
+      act.select({ ...ref, ...part });
+      act.say(part.corner ? `Corner ${part.corner.join(", ")}` : `Wall of ${length(minus(part.side[1], part.side[0])).toFixed(2)} m`);
+    },
+
+    async save() {
+      try {
+        const { difference, digest: now } = await ask("save", { table: store.now.content, digest });
+        [digest, onDisk, store.saved] = [now, now, store.now.content];
+        by("banner").hidden = true;
+        inspector.showChanges(difference, "Saved");
+        showState();
+        act.say(difference ? `Saved to ${opened.file}` : "Nothing to save");
+      } catch (error) {
+        if (error.status === 409) return warnOfFile();
+        warn(error.message);
+      }
+    },
+
+    // What is in the file, as one more step that can be undone.
+    async takeFile() {
+      const { table, digest: now } = await ask("document");
+      [digest, onDisk, store.saved] = [now, now, table];
+      by("banner").hidden = true;
+      view.selected = null;
+      store.commit(new Table(table));
+    },
+
+    keepMine() {
+      digest = onDisk;
+      by("banner").hidden = true;
+      check();
+    },
+
+    theme() {
+      const root = document.documentElement;
+      root.dataset.theme = root.dataset.theme === "dark" ? "light" : "dark";
+      view3d.isBuilt = false;
+      view.draw();
+      view3d.draw();
+    },
+  };
+  const inspector = new Inspector(store, view, act), tools = new Tools(store, view, act);
+  view.tools = tools;
+
+  function changed() {
+    if (!store.now.storey(view.storey)) view.storey = store.now.storeys[0]?.name ?? "";
+    if (view.selected && !store.now.row(view.selected)) view.selected = null;
+    inspector.show(view.selected);
+    inspector.showStoreys();
+    locate();
+    showState();
+    view.draw();
+    check();
+  }
+
+  function showState() {
+    by("undo").disabled = !store.past.length;
+    by("redo").disabled = !store.future.length;
+    by("saved").textContent = store.isChanged ? "Not saved" : "Saved";
+    by("saved").className = store.isChanged ? "changed" : "";
+    document.title = `${store.isChanged ? "• " : ""}${opened.title} – evac edit`;
+  }
+
+  function warn(text, isOfFile = false) {
+    by("banner").hidden = false;
+    by("banner").className = isOfFile ? "" : "error";
+    by("banner-text").textContent = text;
+    for (const name of ["take-file", "keep-mine"]) by(name).hidden = !isOfFile;
+  }
+
+  async function warnOfFile() {
+    onDisk = (await ask("document")).digest;
+    warn(`${opened.file} has changed on the disk since it was read here. Nothing is overwritten:`, true);
+  }
+
+  // Asks for what is to be said of the plan, and again afterwards if it has changed meanwhile.
+  async function check() {
+    if (isAsked) { isStale = true; return; }
+    [isAsked, isStale] = [true, false];
+    try {
+      await ask("check", { page: PAGE, revision: store.revision, table: store.now.content });
+    } catch (error) {
+      isAsked = false;
+      warn(error.message);
+    }
+  }
+
+  // Gives findings the thing that they are about, and a place.
+  function locate() {
+    for (const one of view.findings) {
+      const [section, ...rest] = (one.item ?? "").split("."), name = rest.join("."), index = store.now.rows(section).findIndex((row) => row.name === name);
+      const ref = index < 0 ? null : { section, index }, row = ref && store.now.row(ref), line = ref && (view.lineOf(ref, row) ?? store.now.rings(ref)[0]);
+      one.ref = section === "storeys" ? null : ref;
+      if (!store.now.storey(one.storey)) one.storey = row?.storey ?? row?.lower ?? (section === "storeys" ? row?.name : one.storey);
+      one.at = one.place?.slice(0, 2) ?? (line && middle(line));
+    }
+  }
+
+  function showJudged({ page, revision, failed, errors, findings, building, difference, seconds }) {
+    if (page !== PAGE) return;
+    isAsked = false;
+    if (isStale) check();
+    if (failed) return warn(failed);
+    view.findings = findings;
+    if (building) {
+      view.judged = { ...building, hasExits: building.segments.exits.length > 0 };
+      view.judgedRevision = revision;
+      view3d.show({ building: building.three.building, floors: building.three.floors });
+    } else view.judgedRevision = -1;
+    locate();
+    inspector.showFindings(findings);
+    if (store.isChanged) inspector.showChanges(difference, `Not saved yet of ${opened.file}`);
+    const warnings = findings.filter(({ kind }) => kind === "warning").length;
+    by("verdict").textContent = errors ? `Cannot be run: ${errors} error${errors > 1 ? "s" : ""}` : `Can be run${warnings ? `: ${warnings} warning${warnings > 1 ? "s" : ""}` : ""}`;
+    by("verdict").className = errors ? "error" : "";
+    by("verdict").title = `judged in ${seconds} s`;
+    by("verdict").dataset.revision = revision;
+    if (revision === store.revision) inspector.show(view.selected);
+    view.draw();
+  }
+
+  function showView(isIn3D) {
+    by("view3d").hidden = !isIn3D;
+    by("view").hidden = isIn3D;
+    by("view-3d").setAttribute("aria-pressed", isIn3D);
+    by("view-plan").setAttribute("aria-pressed", !isIn3D);
+    if (isIn3D) view3d.draw(); else view.draw();
+  }
+
+  function listen() {
+    const events = new EventSource("events"), on = (name, take) => events.addEventListener(name, ({ data }) => take(JSON.parse(data)));
+    on("judged", showJudged);
+    on("saved", ({ digest: now }) => { onDisk = now; });
+    on("changed", ({ digest: now }) => { if (now !== digest) { onDisk = now; warnOfFile(); } });
+    events.addEventListener("error", () => { act.say("evac edit does not answer"); isAsked = false; });
+    events.addEventListener("open", () => { act.say(""); isAsked = false; check(); });
+  }
+
+  const fit = () => { if (by("view").hidden) view3d.fit(); else view.fit(); };
+  const actions = { undo: () => store.undo(), redo: () => store.redo(), save: act.save, "view-plan": () => showView(false), "view-3d": () => showView(true), fit, theme: act.theme, "show-help": () => by("help").showModal(), "take-file": act.takeFile, "keep-mine": act.keepMine,
+    "add-storey": () => { const name = store.now.unique("storeys", `storey ${store.now.storeys.length}`), top = store.now.storeys.at(-1), z = mm((top?.z ?? -3) + 3); view.storey = name; store.commit(store.now.add("storeys", { name, z })); act.say("Draw its rooms"); } };
+  for (const [name, action] of Object.entries(actions)) by(name).addEventListener("click", action);
+  by("copy").addEventListener("submit", (event) => { event.preventDefault(); store.commit(store.now.copyUp(view.storey, by("copies").valueAsNumber)); });
+  for (const [name, { key }] of Object.entries(TOOLS)) {
+    const button = node("button", capital(name), { type: "button", value: name });
+    button.append(node("kbd", key.toUpperCase()));
+    button.addEventListener("click", () => { tools.choose(name); view.canvas.focus(); });
+    by("tools").append(button);
+  }
+  by("keys").tBodies[0].append(...KEYS.map(([keys, what]) => { const row = document.createElement("tr"); row.append(document.createElement("td"), node("td", what)); row.firstChild.append(node("kbd", keys)); return row; }));
+
+  addEventListener("keydown", (event) => {
+    const key = event.key.toLowerCase(), isTyped = event.target.matches?.("input, select, textarea"), isControl = event.ctrlKey || event.metaKey;
+    if (document.querySelector("dialog[open]")) return;
+    const control = isControl && { z: event.shiftKey ? actions.redo : actions.undo, y: actions.redo, s: act.save, d: act.duplicate }[key];
+    if (control && (!isTyped || key === "s")) { event.preventDefault(); control(); return; }
+    if (isTyped || isControl || event.altKey) return;
+    if (event.target === view.canvas && tools.key(event)) return event.preventDefault();
+    const tool = Object.keys(TOOLS).find((name) => TOOLS[name].key === key);
+    const other = { n: () => act.next(event.shiftKey ? -1 : 1), c: act.nextPart, i: () => by("inspector").querySelector("input")?.focus(), delete: act.remove, backspace: act.remove, pageup: () => act.climb(1), pagedown: () => act.climb(-1), 3: () => showView(by("view3d").hidden), f: fit, "+": () => view.zoomAt(1.25, [view.x, view.y]), "-": () => view.zoomAt(0.8, [view.x, view.y]), t: act.theme, "?": actions["show-help"], escape: () => { if (tools.points.length || tools.tool === "select") tools.cancel(); else tools.choose("select"); act.select(null); view.canvas.focus(); } }[key];
+    if (!tool && !other) return;
+    event.preventDefault();
+    if (tool) { tools.choose(tool); view.canvas.focus(); } else other();
+  });
+  addEventListener("resize", () => { view.draw(); view3d.draw(); });
+  addEventListener("beforeunload", (event) => { if (store.isChanged) event.preventDefault(); });
+
+  document.documentElement.dataset.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+  by("title").textContent = opened.title;
+  act.toolChanged();
+  view.fit();
+  if (opened.unsaved) {
+    store.commit(new Table(opened.unsaved.table));
+    act.say(`What was not saved is here again${opened.unsaved.of_this_file ? "" : "; the file has changed since"}: undo for what is in the file`);
+  } else changed();
+  inspector.showChanges("", "Changes of the file");
+  listen();
+  window.editor = { store, view, view3d, tools, act };
+}
+
+start().catch((error) => {
+  by("banner").hidden = false;
+  by("banner").className = "error";
+  by("banner-text").textContent = error.message;
+});

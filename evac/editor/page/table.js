@@ -1,0 +1,237 @@
+// The plan as an immutable table, as it is in the file: what its rows are, their shapes, and changes of them.
+
+const POLYGONS = ["rooms", "areas", "obstacles"];
+const ON_WALLS = ["doors", "exits", "openings"];
+const DRAWN = [...ON_WALLS, "shafts", "stairs", ...POLYGONS];
+const SHAPES = ["polygon", "polygons", "segment", "lower_edge", "upper_edge"];
+const WALL = 0.35;  // Two faces of rooms that are no farther apart are those of one wall [m].
+
+const mm = (value) => Math.round(value * 1000) / 1000;
+const isTie = (shape) => Boolean(shape?.rooms);
+const isRing = (shape) => Array.isArray(shape) && shape.length > 1 && shape.every((one) => Array.isArray(one) && one.length > 1 && one.every((value) => typeof value === "number"));
+const plus = ([x, y], [dx, dy]) => [mm(x + dx), mm(y + dy)];
+const minus = ([x1, y1], [x2, y2]) => [x1 - x2, y1 - y2];
+const length = ([x, y]) => Math.hypot(x, y);
+const middle = ([[x1, y1], [x2, y2]]) => [(x1 + x2) / 2, (y1 + y2) / 2];
+const keyOf = ([x, y]) => `${mm(x)},${mm(y)}`;
+const sidesOf2 = (ring) => ring.map((corner, k) => [corner, ring[(k + 1) % ring.length]]);
+
+// A shape in which `change` was applied to each ring or line, in the form in which it is given: lists, WKT or GeoJSON.
+function mapRings(shape, change) {
+  const opened = (ring) => {
+    const isClosed = ring.length > 3 && keyOf(ring[0]) === keyOf(ring[ring.length - 1]), open = isClosed ? ring.slice(0, -1) : ring, next = change(open);
+    return next === open ? ring : isClosed ? [...next, next[0]] : next;
+  };
+  if (typeof shape === "string") {
+    return shape.replace(/\(([^()]+)\)/g, (whole, text) => {
+      const ring = text.split(",").map((corner) => corner.trim().split(/\s+/).map(Number)), next = opened(ring);
+      return next === ring ? whole : `(${next.map((corner) => corner.join(" ")).join(", ")})`;
+    });
+  }
+  if (isRing(shape)) return opened(shape);
+  if (Array.isArray(shape)) {
+    const next = shape.map((one) => mapRings(one, change));
+    return next.every((one, k) => one === shape[k]) ? shape : next;
+  }
+  if (!shape?.coordinates) return shape;
+  const coordinates = mapRings(shape.coordinates, change);
+  return coordinates === shape.coordinates ? shape : { ...shape, coordinates };
+}
+
+function ringsOf(row) {
+  const rings = [];
+  for (const key of SHAPES) if (row[key] && !isTie(row[key])) mapRings(row[key], (ring) => { rings.push(ring); return ring; });
+  return rings;
+}
+
+// A row in which each corner was moved by `move`, which returns the same corner where it stays.
+function moved(row, move, isRing = () => true) {
+  let number = -1;
+  const next = { ...row };
+  for (const key of SHAPES) {
+    if (row[key] && !isTie(row[key])) next[key] = mapRings(row[key], (ring) => {
+      number += 1;
+      const corners = isRing(number) ? ring.map(move) : ring;
+      return corners.every((corner, k) => corner === ring[k]) ? ring : corners;
+    });
+  }
+  if (row.foot) next.foot = move(row.foot);
+  return Object.keys(next).every((key) => next[key] === row[key]) ? row : next;
+}
+
+const areaOf = (ring) => sidesOf2(ring).reduce((sum, [[x1, y1], [x2, y2]]) => sum + x1 * y2 - x2 * y1, 0) / 2;
+
+function isInside([x, y], ring) {
+  let isIn = false;
+  for (const [[x1, y1], [x2, y2]] of sidesOf2(ring)) if (y1 > y !== y2 > y && x < (x2 - x1) * (y - y1) / (y2 - y1) + x1) isIn = !isIn;
+  return isIn;
+}
+
+// The place on a line that is nearest to a point: how far it is along the line and away.
+function nearest(point, [a, b]) {
+  const way = minus(b, a), whole = length(way) || 1, step = way.map((value) => value / whole), off = minus(point, a);
+  const along = Math.max(0, Math.min(whole, off[0] * step[0] + off[1] * step[1])), at = a.map((value, i) => value + along * step[i]);
+  return { at, along, step, whole, away: length(minus(point, at)) };
+}
+
+// Whether two lines are the faces of one wall, or a line lies on a wall.
+function isBeside([a, b], other) {
+  const { step, whole } = nearest(a, other), way = minus(b, a);
+  if (whole < 1e-6 || Math.abs(way[0] * step[1] - way[1] * step[0]) > 0.02 * length(way)) return false;
+  const along = [a, b].map((end) => minus(end, other[0])).map(([x, y]) => x * step[0] + y * step[1]);
+  const [x, y] = minus(a, other[0]), away = Math.abs(x * step[1] - y * step[0]);
+  return away <= WALL && Math.min(whole, Math.max(...along)) - Math.max(0, Math.min(...along)) > 0.05;
+}
+
+class Table {
+  constructor(content) { this.content = content; }
+
+  rows(section) { return this.content[section] ?? []; }
+  row({ section, index }) { return this.rows(section)[index]; }
+  get storeys() { return this.rows("storeys").toSorted((a, b) => (a.z ?? 0) - (b.z ?? 0)); }
+  storey(name) { return this.rows("storeys").find((one) => one.name === name); }
+  above(name) { const all = this.storeys; return all[all.findIndex((one) => one.name === name) + 1]; }
+
+  // The storeys that a storey is like, the nearest first.
+  originals(name) {
+    const found = [];
+    for (let like = this.storey(name)?.like; like && !found.includes(like) && like !== name; like = this.storey(like)?.like) found.push(like);
+    return found;
+  }
+
+  // What is drawn on a storey: its own rows, and its ground.
+  on(name) {
+    const index = this.rows("storeys").findIndex((one) => one.name === name);
+    const ground = index < 0 ? [] : ringsOf(this.rows("storeys")[index]).map((_, part) => ({ section: "storeys", index, part }));
+    return [...DRAWN.flatMap((section) => this.rows(section).map((row, at) => ({ section, index: at, row }))
+      .filter(({ row }) => row.storey === name || row.lower === name).map(({ row, ...ref }) => ref)), ...ground];
+  }
+
+  rings(ref) { const rings = ringsOf(this.row(ref) ?? {}); return ref.part === undefined ? rings : rings.slice(ref.part, ref.part + 1); }
+
+  // The faces of all walls of a storey: sides of rooms and of its ground.
+  walls(name) {
+    return this.on(name).filter(({ section }) => section === "rooms" || section === "storeys").flatMap((ref) => this.rings(ref).flatMap(sidesOf2));
+  }
+
+  with(changes) { return new Table({ ...this.content, ...changes }); }
+  set(ref, row) { return this.with({ [ref.section]: this.rows(ref.section).with(ref.index, row) }); }
+  add(section, row) { return this.with({ [section]: [...this.rows(section), row] }); }
+
+  // A value of a row, or without it none.
+  put(ref, key, value) {
+    const { [key]: _, ...rest } = this.row(ref);
+    if (value === undefined) return this.set(ref, rest);
+    return this.set(ref, { ...this.row(ref), [key]: value });
+  }
+
+  mapRows(change, sections = Object.keys(this.content)) {
+    const changes = {};
+    for (const section of sections) if (Array.isArray(this.content[section])) changes[section] = this.content[section].map((row) => change(row, section));
+    return this.with(changes);
+  }
+
+  unique(section, name) {
+    const taken = new Set(this.rows(section).map((row) => row.name)), stem = name.replace(/ \d+$/, "");
+    if (!taken.has(name)) return name;
+    for (let n = 2; ; n++) if (!taken.has(`${stem} ${n}`)) return `${stem} ${n}`;
+  }
+
+  // A new name, also where the old one is referred to.
+  rename(ref, name) {
+    const old = this.row(ref), swap = (value) => value === old.name ? name : value;
+    const tied = (shape) => isTie(shape) ? { ...shape, rooms: shape.rooms.map(swap) } : shape;
+    const next = this.put(ref, "name", name);
+    if (ref.section === "storeys") {
+      return next.mapRows((row) => Object.assign({ ...row }, ...["storey", "lower", "upper", "like"].filter((key) => row[key] === old.name).map((key) => ({ [key]: name }))));
+    }
+    if (ref.section !== "rooms") return next;
+    return next.mapRows((row) => row.storey !== old.storey ? row : Object.assign({ ...row }, ...["segment", "polygon"].filter((key) => isTie(row[key])).map((key) => ({ [key]: tied(row[key]) }))), ["doors", "exits", "areas"]);
+  }
+
+  remove(ref) {
+    const row = this.row(ref);
+    if (ref.part !== undefined) return Array.isArray(row.polygons) && !isRing(row.polygons) ? this.put(ref, "polygons", row.polygons.filter((_, k) => k !== ref.part)) : this.put(ref, "polygons");
+    const next = this.with({ [ref.section]: this.rows(ref.section).filter((_, k) => k !== ref.index) });
+    if (ref.section !== "storeys") return next;
+    const all = this.storeys.map((one) => one.name), at = all.indexOf(row.name), changes = {};
+    for (const section of [...POLYGONS, ...ON_WALLS, "stairs"]) if (next.content[section]) changes[section] = next.rows(section).filter((one) => ![one.storey, one.lower, one.upper].includes(row.name));
+    if (next.content.shafts) {
+      changes.shafts = next.rows("shafts").map((one) => ({ ...one, lower: one.lower === row.name ? all[at + 1] : one.lower, upper: one.upper === row.name ? all[at - 1] : one.upper }))
+        .filter((one) => one.lower && one.upper && all.indexOf(one.lower) < all.indexOf(one.upper));
+    }
+    return next.with(changes);
+  }
+
+  // A copy of a row a metre aside.
+  duplicate(ref) {
+    const row = this.row(ref), copy = moved(row, (corner) => plus(corner, [1, 1]));
+    if (isTie(row.segment) && row.segment.at !== undefined) copy.segment = { ...row.segment, at: mm(row.segment.at + 1) };
+    return this.add(ref.section, { ...copy, name: this.unique(ref.section, row.name) });
+  }
+
+  // Storeys like one, above it, with the height of a storey between; what is higher is lifted, shafts are made longer.
+  copyUp(name, count) {
+    const all = this.storeys, at = all.findIndex((one) => one.name === name), own = all[at], z = own.z ?? 0;
+    const height = mm((all[at + 1]?.z ?? (at ? 2 * z - (all[at - 1].z ?? 0) : z + 3)) - z);
+    let next = this.mapRows((row) => (row.z ?? 0) > z ? { ...row, z: mm(row.z + count * height) } : row, ["storeys"]);
+    const copies = [];
+    for (let k = 1; k <= count; k++) {
+      const copy = { name: next.unique("storeys", name === "ground" ? `storey ${k}` : name), z: mm(z + k * height), like: name };
+      next = next.add("storeys", copy);
+      copies.push(copy);
+    }
+    const rows = this.rows("storeys").findIndex((one) => one.name === name) + 1, others = next.rows("storeys").filter((row) => !copies.includes(row));
+    next = next.with({ storeys: [...others.slice(0, rows), ...copies, ...others.slice(rows)] });  // in the order of their heights, which shafts need
+    return next.mapRows((row) => row.upper === name ? { ...row, upper: copies[count - 1].name } : row, ["shafts"]);
+  }
+
+  // All corners of a storey that are at one place are moved.
+  moveCorners(name, keys, by) {
+    const move = (corner) => keys.has(keyOf(corner)) ? plus(corner, by) : corner;
+    return this.mapRows((row, section) => row.storey === name || (section === "storeys" && row.name === name) ? moved(row, move) : row, ["storeys", ...POLYGONS]);
+  }
+
+  // A wall is moved with both of its faces, and with the doors and exits on it.
+  moveWall(name, side, by) {
+    const walls = this.walls(name), faces = [side];
+    for (const face of faces) for (const wall of walls) if (!faces.includes(wall) && isBeside(wall, face)) faces.push(wall);
+    const next = this.moveCorners(name, new Set(faces.flat().map(keyOf)), by);
+    return next.mapRows((row) => row.storey !== name ? row : moved(row, (corner) => plus(corner, by), (number) => faces.some((face) => isBeside(ringsOf(row)[number], face))), ON_WALLS);
+  }
+
+  moveRow(ref, by) {
+    const row = this.row(ref);
+    if (isTie(row.segment)) return this;
+    return this.set(ref, moved(row, (corner) => plus(corner, by), (number) => ref.part === undefined || number === ref.part));
+  }
+}
+
+// The table of now, those before and after it; revisions count up, and changes with the same name in a row are one.
+class Store {
+  constructor(content, changed) { Object.assign(this, { now: new Table(content), past: [], future: [], revision: 0, saved: content, last: null, changed }); }
+
+  commit(table, name = null) {
+    if (table === this.now) return;
+    if (!name || name !== this.last) this.past.push(this.now);
+    Object.assign(this, { future: [], last: name });
+    this.show(table);
+  }
+
+  show(table) {
+    this.now = table;
+    this.revision += 1;
+    this.changed();
+  }
+
+  step(from, to) {
+    if (!from.length) return;
+    to.push(this.now);
+    this.last = null;
+    this.show(from.pop());
+  }
+
+  undo() { this.step(this.past, this.future); }
+  redo() { this.step(this.future, this.past); }
+  get isChanged() { return JSON.stringify(this.now.content) !== JSON.stringify(this.saved); }
+}

@@ -1,0 +1,227 @@
+// What the pointer and the keyboard do in plan: select, move, and draw with one tool after the other.
+
+const WIDTHS = { door: 0.9, exit: 1.2, stair: 1.2, wall: 0.1 };  // Of what is drawn [m].
+const STEP = { rise: 0.17, going: 0.28 };  // Of stairs [m].
+const DRAGGED = 4;  // [pixels]
+const TOOLS = {
+  select: { key: "v", points: 0, hint: "Click to select, drag walls, corners and what is selected; drag the ground to move the view" },
+  room: { key: "r", points: Infinity, section: "rooms", hint: "Drag a rectangle, or click corner after corner and the first one again; digits are a length, 6x4 a rectangle" },
+  wall: { key: "w", points: 2, section: "obstacles", hint: "Click on both ends; digits are a length" },
+  door: { key: "d", points: 1, section: "doors", hint: "Click on a wall between two rooms" },
+  exit: { key: "e", points: 1, section: "exits", hint: "Click on an outer wall" },
+  stair: { key: "s", points: 2, section: "shafts", hint: "Click on the middle of the lowest step, then on where it leads" },
+  area: { key: "a", points: Infinity, section: "areas", hint: "Drag a rectangle, or click corner after corner; people start in areas" },
+  obstacle: { key: "o", points: Infinity, section: "obstacles", hint: "Drag a rectangle, or click corner after corner; it is cut out of the floor" },
+  measure: { key: "m", points: 2, hint: "Click on both ends" },
+};
+const singular = (section) => ({ rooms: "room", storeys: "ground", shafts: "stair", stairs: "stair", areas: "area", obstacles: "obstacle", doors: "door", exits: "exit", openings: "opening" })[section];
+const rectangle = ([x1, y1], [x2, y2]) => [[Math.min(x1, x2), Math.min(y1, y2)], [Math.max(x1, x2), Math.min(y1, y2)], [Math.max(x1, x2), Math.max(y1, y2)], [Math.min(x1, x2), Math.max(y1, y2)]];
+
+class Tools {
+  constructor(store, view, act) {
+    Object.assign(this, { store, view, act, tool: "select", points: [], typed: "", at: [0, 0], lines: [], drag: null, measured: null, isByKeys: false });
+    const { canvas } = view, place = ({ offsetX, offsetY }) => view.place(offsetX, offsetY);
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      this.isByKeys = false;
+      this.press(place(event), event);
+    });
+    canvas.addEventListener("pointermove", (event) => this.move(place(event), event));
+    canvas.addEventListener("pointerup", (event) => this.release(place(event), event));
+    canvas.addEventListener("pointercancel", () => this.cancel());
+    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      view.zoomAt(Math.exp(-0.0015 * Math.max(-300, Math.min(300, event.deltaY * (event.deltaMode ? 20 : 1)))), place(event));
+    }, { passive: false });
+  }
+
+  get table() { return this.store.now; }
+  get storey() { return this.view.storey; }
+
+  choose(tool) {
+    this.cancel();
+    this.tool = tool;
+    this.act.toolChanged();
+  }
+
+  cancel() {
+    if (this.drag?.base) this.store.show(this.drag.base);
+    Object.assign(this, { points: [], typed: "", drag: null, lines: [], measured: null });
+    this.view.draw();
+  }
+
+  snap(point, isFree) {
+    if (isFree) return point.map(mm);
+    const refs = this.table.on(this.storey), still = this.drag?.base ?? this.table;
+    const corners = refs.flatMap((ref) => still.rings(ref).flat());
+    const { at, lines } = snapped(point, corners, still.walls(this.storey), this.view.zoom, this.points[this.points.length - 1]);
+    this.lines = lines;
+    return at;
+  }
+
+  press(point, event) {
+    if (event.button === 1 || event.button === 2 || event.altKey) this.drag = { kind: "pan", start: point };
+    else if (this.tool === "select") this.pick(point, event);
+    else {
+      this.measured = null;
+      this.drag = { kind: "draw", start: this.addPoint(this.snap(point, event.shiftKey)), from: [event.offsetX, event.offsetY] };
+    }
+    this.view.draw();
+  }
+
+  // Selects what is at a point, and begins to drag it.
+  pick(point, { offsetX, offsetY }) {
+    const hit = this.view.hit(point), was = this.act.selected();
+    this.act.select(hit && { ...hit.ref, ...hit.side });
+    const isSame = hit && was && was.section === hit.ref.section && was.index === hit.ref.index && was.part === hit.ref.part;
+    const kind = !hit ? "pan" : hit.side ? "side" : isSame || ON_WALLS.includes(hit.ref.section) || STAIRS.includes(hit.ref.section) ? "row" : "pan";
+    this.drag = { kind, hit, start: point, from: [offsetX, offsetY], base: kind === "pan" ? null : this.table };
+  }
+
+  move(point, event) {
+    const { drag } = this;
+    if (!drag) this.at = this.tool === "select" ? point : this.snap(point, event.shiftKey);
+    else if (drag.kind === "pan") this.view.pan(minus(drag.start, point));
+    else if (drag.kind === "draw") this.at = this.snap(point, event.shiftKey);
+    else if (drag.isMoved || length(minus([event.offsetX, event.offsetY], drag.from)) > DRAGGED) {
+      drag.isMoved = true;
+      this.store.show(this.dragged(point, event.shiftKey));
+    }
+    this.view.draw();
+  }
+
+  // The table in which what is dragged is where the pointer is.
+  dragged(point, isFree) {
+    const { base, hit: { ref, side }, start } = this.drag, row = base.row(ref);
+    if (ON_WALLS.includes(ref.section)) return this.lineAt(base, ref, row, point, start);
+    const anchor = side?.corner ?? side?.side[0] ?? (row.foot || base.rings(ref)[0]?.[0]) ?? start;
+    const by = minus(this.snap(plus(anchor, minus(point, start)), isFree), anchor);
+    return side ? moveSide(base, this.storey, side, by) : base.moveRow(ref, by);
+  }
+
+  // A door or an exit goes along its wall, or to another one; a tied one stays on its own.
+  lineAt(base, ref, row, point, start) {
+    const [a, b] = this.view.lineOf(ref, row) ?? [start, start];
+    if (isTie(row.segment)) {
+      const { step, along, whole } = nearest(a, [a, b]), by = minus(point, start), width = row.segment.width ?? whole;
+      return row.segment.at === undefined ? base : base.put(ref, "segment", { ...row.segment, at: mm(Math.max(width / 2, onGrid(row.segment.at + along + by[0] * step[0] + by[1] * step[1]))) });
+    }
+    if (!isRing(row.segment)) return base.moveRow(ref, minus(point, start));
+    const ends = onWall(plus(middle([a, b]), minus(point, start)), base.walls(this.storey), length(minus(b, a)));
+    return ends ? base.put(ref, "segment", ends) : base.moveRow(ref, minus(point, start));
+  }
+
+  release(point, event) {
+    const { drag } = this;
+    this.drag = null;
+    this.lines = [];
+    if (drag?.isMoved) {
+      const next = this.table;
+      this.store.now = drag.base;
+      this.store.commit(next);
+    } else if (drag?.kind === "draw" && this.points.length === 1 && length(minus([event.offsetX, event.offsetY], drag.from)) > DRAGGED) {
+      const end = this.snap(point, event.shiftKey);
+      if (TOOLS[this.tool].points === Infinity) this.finish(rectangle(this.points[0], end));
+      else this.addPoint(end);
+    }
+    this.view.draw();
+  }
+
+  // The next point of what is drawn; the first one again, or the last one, ends an outline.
+  addPoint(point) {
+    const { points } = TOOLS[this.tool], isEnd = this.points.length > 2 && [this.points[0], this.points[this.points.length - 1]].some((one) => keyOf(one) === keyOf(point));
+    if (!isEnd) this.points.push(point);
+    this.typed = "";
+    if (isEnd || this.points.length === points) this.finish(this.points);
+    return point;
+  }
+
+  // A length, or two of a rectangle, that was typed: the next point is in the direction of the pointer.
+  takeTyped() {
+    const [a, b] = this.typed.split("x").map(Number), from = this.points[this.points.length - 1], way = minus(this.at, from), far = length(way);
+    this.typed = "";
+    if (!(a > 0)) return;
+    if (b > 0) this.finish(rectangle(from, plus(from, [way[0] < 0 ? -a : a, way[1] < 0 ? -b : b])));
+    else {
+      this.at = plus(from, far ? way.map((value) => value * a / far) : [a, 0]);
+      this.addPoint(this.at);
+    }
+  }
+
+  // Adds what was drawn to the table.
+  finish(points) {
+    const { storey, tool, table } = this, { section } = TOOLS[tool];
+    this.points = [];
+    if (tool === "measure") {
+      this.measured = points;
+      this.act.say(`${length(minus(points[1], points[0])).toFixed(3)} m`);
+      return;
+    }
+    const name = table.unique(section, tool), row = { name, storey };
+    if (tool === "door" || tool === "exit") row.segment = onWall(points[0], this.view.wallsHere(), WIDTHS[tool]);
+    else if (tool === "wall") row.polygon = stripOf(points, WIDTHS.wall);
+    else if (tool === "stair") Object.assign(row, this.stairOf(points));
+    else row.polygon = points;
+    const outline = row.polygon, fault = tool === "stair" && !table.above(storey) ? "A stair leads to the storey above, and there is none: copy this one up first"
+      : row.segment === null ? "No wall is here" : outline && Math.abs(areaOf(outline)) < 0.01 ? "This is too small" : "";
+    if (fault) return this.act.say(fault);
+    if (tool === "stair") delete row.storey;
+    if (outline && areaOf(outline) < 0) outline.reverse();
+    this.store.commit(table.add(section, row));
+    this.act.select({ section, index: table.rows(section).length });
+    this.act.say(`${capital(name)} added`);
+  }
+
+  stairOf([foot, to]) {
+    const way = minus(to, foot), far = length(way) || 1;
+    return { lower: this.storey, upper: this.table.above(this.storey)?.name, foot, width: WIDTHS.stair, direction: far > 1e-6 && length(way) ? way.map((value) => mm(value / far)) : [1, 0], ...STEP };
+  }
+
+  // Arrows move what is selected, or the cross with which one draws; Enter is a click.
+  key(event) {
+    const { key } = event, fast = event.shiftKey ? 1 : GRID, selected = this.act.selected();
+    const by = { ArrowLeft: [-fast, 0], ArrowRight: [fast, 0], ArrowUp: [0, fast], ArrowDown: [0, -fast] }[key];
+    if (this.points.length && /^[\d.x]$/.test(key)) this.typed += key;
+    else if (this.typed && key === "Backspace") this.typed = this.typed.slice(0, -1);
+    else if (this.typed && key === "Enter") this.takeTyped();
+    else if (by && this.tool === "select" && selected) this.nudge(selected, by);
+    else if (by) {
+      this.isByKeys = true;
+      this.at = plus(this.at.map(onGrid), by);
+      this.view.reveal(this.at);
+      this.act.say(this.at.map((value) => value.toFixed(2)).join(", "));
+    } else if (key === "Enter" && this.tool === "select") this.act.select(this.view.hit(this.at)?.ref ?? null);
+    else if (key === "Enter") this.addPoint([...this.at]);
+    else return false;
+    this.view.draw();
+    return true;
+  }
+
+  nudge(selected, by) {
+    const { corner, side, ...ref } = selected, name = `move ${JSON.stringify(ref)}`, row = this.table.row(ref);
+    if (corner || side) {
+      const next = moveSide(this.table, this.storey, { corner, side }, by), way = side ? across(side, by) : by;
+      this.store.commit(next, name);
+      return this.act.select({ ...ref, ...(corner && { corner: plus(corner, way) }), ...(side && { side: side.map((end) => plus(end, way)) }) });
+    }
+    const [start] = this.view.lineOf(ref, row) ?? [];
+    this.store.commit(isTie(row.segment) ? this.lineAt(this.table, ref, row, plus(start, by), start) : this.table.moveRow(ref, by), name);
+  }
+}
+
+const STAIRS = ["shafts", "stairs"];
+
+// A wall goes across itself only.
+function across([a, b], by) {
+  const { step: [x, y] } = nearest(a, [a, b]), off = by[1] * x - by[0] * y;
+  return [-y * off, x * off];
+}
+
+const moveSide = (table, storey, { corner, side }, by) => corner ? table.moveCorners(storey, new Set([keyOf(corner)]), by) : table.moveWall(storey, side, across(side, by));
+
+// The outline of a line with a thickness.
+function stripOf([a, b], thick) {
+  const { step: [x, y] } = nearest(a, [a, b]), off = [-y * thick / 2, x * thick / 2];
+  return [plus(a, off.map((value) => -value)), plus(b, off.map((value) => -value)), plus(b, off), plus(a, off)];
+}

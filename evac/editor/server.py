@@ -1,0 +1,203 @@
+"""The server of the page: on the loopback address alone, for who has its address, and for nothing but the editor."""
+
+import json
+import queue
+import secrets
+import tempfile
+import threading
+import time
+import webbrowser
+from functools import cached_property
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+from evac.base.errors import EvacError
+from evac.editor.session import ChangedOnDiskError, Request, Session
+from evac.replay.writer import PAGE as REPLAY
+
+PAGE = Path(__file__).with_name("page")
+#: Modules of the page of the replay that this one is made of, too.
+SHARED = (
+    *("camera", "colours", "controls", "layout", "meshes", "section", "shaders", "stage", "run/density"),
+    "panel",
+)
+TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "json": "application/json"}
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+    "connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+}
+#: Greatest size of what a page may send [bytes].
+MOST_BYTES = 50_000_000
+#: Time between two signs of life to a page, and after which the server ends when no page is open [s].
+BEAT, IDLE = 5.0, 120.0
+
+
+class Server(ThreadingHTTPServer):
+    """The page of a session at a random port, with a token in its address; a context that ends it."""
+
+    daemon_threads = True
+
+    def __init__(self, session: Session, idle: float = IDLE) -> None:
+        super().__init__(("127.0.0.1", 0), _Handler)
+        self.session, self.idle = session, idle
+        self.host = f"127.0.0.1:{self.server_port}"
+        self.token = secrets.token_urlsafe(24)
+        self.address = f"http://{self.host}/{self.token}/"
+
+    @cached_property
+    def files(self) -> dict[str, bytes]:
+        """The files of the page by name."""
+        own = sorted(PAGE.glob("*.js"), key=lambda path: (path.name == "main.js", path.name))
+        scripts = "\n".join(path.read_text("utf-8") for path in [*(REPLAY / f"{one}.js" for one in SHARED), *own])
+        styles = [(folder / "style.css").read_text("utf-8") for folder in (REPLAY, PAGE)]
+        return {
+            "page.html": (PAGE / "page.html").read_bytes(),
+            "page.js": f'(() => {{ "use strict";\n{scripts}\n}})();'.encode(),
+            "page.css": "\n".join(styles).encode(),
+        }
+
+    def serve(self, is_shown: bool) -> None:
+        """Show the page in the browser, if wished, and serve it until it was closed for some time, or until Ctrl-C."""
+        threading.Thread(target=self._end_when_idle, daemon=True).start()
+        with tempfile.TemporaryDirectory() as folder:  # of this user; the address is no argument of a command
+            if is_shown:
+                way = Path(folder) / "evac-edit.html"
+                way.touch(0o600)
+                way.write_text(f'<!doctype html><meta http-equiv="refresh" content="0; url={self.address}">')
+                webbrowser.open(way.as_uri())
+            self.serve_forever()
+
+    def server_close(self) -> None:
+        """End the session as well."""
+        super().server_close()
+        self.session.close()
+
+    def _end_when_idle(self) -> None:
+        last = time.monotonic()
+        while time.monotonic() - last < self.idle:
+            time.sleep(min(1.0, self.idle / 4))
+            last = time.monotonic() if self.session.listeners else last
+        self.shutdown()
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: Server
+    protocol_version = "HTTP/1.1"
+    server_version, sys_version = "evac", ""
+
+    def log_message(self, format: str, *arguments: Any) -> None:
+        """Print nothing: addresses have the token."""
+
+    def do_HEAD(self) -> None:
+        """Answer as to GET, without the content."""
+        self.do_GET()
+
+    def do_GET(self) -> None:
+        """Send a file of the page, the plan, or events."""
+        name = self._allowed_name()
+        if name == "document":
+            self._answer(self.server.session.document)
+        elif name == "events" and self.command == "GET":
+            self._send_events()
+        elif name is not None and (name or "page.html") in self.server.files:
+            name = name or "page.html"
+            self._send(200, TYPES[name.rpartition(".")[2]], self.server.files[name])
+        elif name is not None:
+            self._refuse(404, "there is no such page")
+
+    def do_POST(self) -> None:
+        """Judge or save what the page sends."""
+        name = self._allowed_name()
+        if name is None:
+            return
+        length = self.headers.get("Content-Length", "")
+        if self.headers.get("Content-Type") != "application/json":
+            self._refuse(415, "send JSON")
+        elif not length.isdecimal() or int(length) > MOST_BYTES:
+            self._refuse(413, f"send at most {MOST_BYTES} bytes")
+        else:
+            self._take(name, self.rfile.read(int(length)))
+
+    def _take(self, name: str, content: bytes) -> None:
+        session = self.server.session
+        try:
+            given = json.loads(content)
+            if name == "check":
+                request = Request(str(given["page"]), int(given["revision"]), dict(given["table"]))
+                self._answer(lambda: session.check(request) or {})
+            elif name == "save":
+                table, digest = dict(given["table"]), str(given["digest"])
+                self._answer(lambda: session.save(table, digest))
+            else:
+                self._refuse(404, "there is no such page")
+        except (ValueError, KeyError, TypeError, RecursionError):
+            self._refuse(400, "this is not what the page sends")
+
+    def _allowed_name(self) -> str | None:
+        """Return the name of what is asked for, if this is asked by the page; else refuse."""
+        host, origin = self.headers.get_all("Host", []), self.headers.get("Origin")
+        token, _, name = self.path.removeprefix("/").partition("/")
+        is_own = origin == f"http://{self.server.host}" or (origin is None and self.command != "POST")
+        is_same = self.headers.get("Sec-Fetch-Site", "none") in ("same-origin", "none")
+        if host != [self.server.host]:
+            self._refuse(421, "wrong host")
+        elif not is_own or not (is_same or self.headers.get("Sec-Fetch-Dest") == "document"):
+            self._refuse(403, "wrong origin")
+        elif not secrets.compare_digest(token.encode(), self.server.token.encode()):
+            self._refuse(404, "there is no such page; its address is that which evac edit has printed last")
+        else:
+            return name
+        return None
+
+    def _answer(self, work: Any) -> None:
+        try:
+            self._send_json(200, work())
+        except ChangedOnDiskError as error:
+            self._send_json(409, {"error": str(error)})
+        except EvacError as error:
+            self._send_json(422, {"error": str(error)})
+
+    def _refuse(self, code: int, text: str) -> None:
+        self.close_connection = True  # what was sent is not read
+        self._send_json(code, {"error": text})
+
+    def _send_json(self, code: int, data: Any) -> None:
+        self._send(code, TYPES["json"], json.dumps(data, allow_nan=False).encode())
+
+    def _send(self, code: int, kind: str, content: bytes) -> None:
+        self._begin(code, kind, {"Content-Length": str(len(content))})
+        if self.command != "HEAD":
+            self.wfile.write(content)
+
+    def _begin(self, code: int, kind: str, more: dict[str, str]) -> None:
+        self.send_response(code)
+        for name, value in ({"Content-Type": f"{kind}; charset=utf-8"} | HEADERS | more).items():
+            self.send_header(name, value)
+        if self.close_connection:
+            self.send_header("Connection", "close")
+        self.end_headers()
+
+    def _send_events(self) -> None:
+        """Send what is told to the pages, until this one is closed."""
+        session, told = self.server.session, queue.Queue[tuple[str, Any]]()
+        self.close_connection = True
+        session.listeners.append(told)
+        try:
+            self._begin(200, "text/event-stream", {})
+            while not session.is_over.is_set():
+                try:
+                    event, data = told.get(timeout=BEAT)
+                    self.wfile.write(f"event: {event}\ndata: {json.dumps(data)}\n\n".encode())
+                except queue.Empty:
+                    self.wfile.write(b": still here\n\n")
+                self.wfile.flush()
+        except OSError:
+            pass  # the page was closed
+        finally:
+            session.listeners.remove(told)
