@@ -1,6 +1,6 @@
 // The plan of a storey on a canvas: what is in the table, and what was judged of it.
 
-const MARGIN = 70;  // Around everything [pixels].
+const MARGIN = 60, TOOLS_WIDE = 90;  // Around everything, and for the tools at the left [pixels].
 const STEP_LINE = 0.28;  // Between the lines of steps [m].
 
 function coloursOf(...names) {
@@ -30,7 +30,8 @@ class PlanView {
     const corners = this.table.storeys.flatMap(({ name }) => [name, ...this.table.originals(name)].flatMap((one) => this.table.on(one).flatMap((ref) => this.table.rings(ref).flat())));
     const all = corners.length ? corners : (this.judged?.levels ?? []).flatMap(({ polygons }) => polygons.flat(2)), [w, h] = this.size;
     const [x, y] = [0, 1].map((i) => range(all.length ? all : [[0, 0], [20, 12]], (corner) => corner[i]));
-    Object.assign(this, { x: centre(x), y: centre(y), zoom: Math.max(0.5, Math.min(200, Math.min((w - 2 * MARGIN) / (x[1] - x[0] || 1), (h - 2 * MARGIN) / (y[1] - y[0] || 1)))) });
+    Object.assign(this, { y: centre(y), zoom: Math.max(0.5, Math.min(200, Math.min((w - 2 * MARGIN - TOOLS_WIDE) / (x[1] - x[0] || 1), (h - 2 * MARGIN) / (y[1] - y[0] || 1)))) });
+    this.x = centre(x) - TOOLS_WIDE / 2 / this.zoom;
     this.draw();
   }
 

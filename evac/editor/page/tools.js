@@ -97,7 +97,9 @@ class Tools {
     if (ON_WALLS.includes(ref.section)) return this.lineAt(base, ref, row, point, start);
     const anchor = side?.corner ?? side?.side[0] ?? (row.foot || base.rings(ref)[0]?.[0]) ?? start;
     const by = minus(this.snap(plus(anchor, minus(point, start)), isFree), anchor);
-    return side ? moveSide(base, this.storey, side, by) : base.moveRow(ref, by);
+    if (!side) return base.moveRow(ref, by);
+    this.act.select({ ...ref, ...sideMoved(side, by) });
+    return moveSide(base, this.storey, side, by);
   }
 
   // A door or an exit goes along its wall, or to another one; a tied one stays on its own.
@@ -201,9 +203,8 @@ class Tools {
   nudge(selected, by) {
     const { corner, side, ...ref } = selected, name = `move ${JSON.stringify(ref)}`, row = this.table.row(ref);
     if (corner || side) {
-      const next = moveSide(this.table, this.storey, { corner, side }, by), way = side ? across(side, by) : by;
-      this.store.commit(next, name);
-      return this.act.select({ ...ref, ...(corner && { corner: plus(corner, way) }), ...(side && { side: side.map((end) => plus(end, way)) }) });
+      this.store.commit(moveSide(this.table, this.storey, { corner, side }, by), name);
+      return this.act.select({ ...ref, ...sideMoved({ corner, side }, by) });
     }
     const [start] = this.view.lineOf(ref, row) ?? [];
     this.store.commit(isTie(row.segment) ? this.lineAt(this.table, ref, row, plus(start, by), start) : this.table.moveRow(ref, by), name);
@@ -219,6 +220,8 @@ function across([a, b], by) {
 }
 
 const moveSide = (table, storey, { corner, side }, by) => corner ? table.moveCorners(storey, new Set([keyOf(corner)]), by) : table.moveWall(storey, side, across(side, by));
+
+const sideMoved = ({ corner, side }, by) => corner ? { corner: plus(corner, by) } : { side: side.map((end) => plus(end, across(side, by))) };
 
 // The outline of a line with a thickness.
 function stripOf([a, b], thick) {

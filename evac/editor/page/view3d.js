@@ -50,7 +50,7 @@ class View3D {
       this.camera.aspect = canvas.width / Math.max(1, canvas.height);
       if (!this.isBuilt) this.build();
       const of = (...names) => names.flatMap((name) => unit(coloursOf(name)[name]));
-      const look = { background: of("ground"), floors: of("floor", "flight", "landing"), solids: of("wall", "wall-top", "desk"), marks: new Array(30).fill(-1), mark: of("mark"), rim: of("text"), layer: 0, shadows: false, widen: 1 };
+      const look = { ...this.layout.boxInPicture(), background: of("ground"), floors: of("floor", "flight", "landing"), solids: of("wall", "wall-top", "desk"), marks: new Array(30).fill(-1), mark: of("mark"), rim: of("text"), layer: 0, shadows: false, widen: 1 };
       this.camera.update();
       this.stage.draw(this.camera, { ...NOBODY, parts: this.layout.storeys.map(() => [0, 0]) }, look);
     });
