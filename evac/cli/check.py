@@ -1,6 +1,7 @@
 """Commands that read a case or a building without running it: evac check, evac explain, evac conditions."""
 
 import argparse
+import itertools
 import json
 import math
 from collections.abc import Callable, Iterator

@@ -1,6 +1,7 @@
 """The command that shows a plan to draw on: evac edit."""
 
 import argparse
+from contextlib import suppress
 from pathlib import Path
 
 from evac.cli.screen import note, say, show_facts
@@ -25,10 +26,8 @@ def execute_edit(arguments: argparse.Namespace) -> int:
     with Server(Session(arguments.case)) as server:
         show_facts({"plan": server.session.file, "address": server.address})
         note("Ctrl-C ends; so does closing the page, after some time")
-        try:
+        with suppress(KeyboardInterrupt):
             server.serve(not arguments.no_browser)
-        except KeyboardInterrupt:
-            pass
     if server.session.journal.exists():
         say(f"not saved, kept for the next time: {server.session.journal}")
     return 0

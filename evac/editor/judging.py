@@ -82,7 +82,11 @@ def _drawn(building: Building) -> dict[str, Any]:
         "levels": [_level(level, storeys[level.index], level.index in reached) for level in building.levels],
         "segments": {
             "doors": [
-                {"name": one.name, "storey": storeys[one.level], "ends": np.round(one.segment, 3).reshape(-1, 4).tolist()}
+                {
+                    "name": one.name,
+                    "storey": storeys[one.level],
+                    "ends": np.round(one.segment, 3).reshape(-1, 4).tolist(),
+                }
                 for one in building.doors
             ],
             "exits": [

@@ -125,7 +125,11 @@ class _Patch:
                 at = len(self.text) if span is self.root else span.last
                 self.edits.append((at, at, "".join(self._head(at, (*place, key), row) for row in value)))
             else:
-                text = "[\n" + "".join(f"    {toml_value(row)},\n" for row in value) + "]" if is_list else toml_value(value)
+                text = (
+                    "[\n" + "".join(f"    {toml_value(row)},\n" for row in value) + "]"
+                    if is_list
+                    else toml_value(value)
+                )
                 self.edits.append((span.end, span.end, f"{self._break(span.end)}{toml_key(key)} = {text}\n"))
 
     def _change(self, span: Span, old: Any, new: Any, place: Key) -> None:
@@ -207,7 +211,9 @@ class _Patch:
             for part in span.parts.values():
                 self._erase(part)
         for row in span.items if span.kind == "tables" else [span] if span.kind == "table" else []:
-            end = row.end + (self.text[row.end : row.end + 1] == "\n") + 2 * (self.text[row.end : row.end + 2] == "\r\n")
+            end = (
+                row.end + (self.text[row.end : row.end + 1] == "\n") + 2 * (self.text[row.end : row.end + 2] == "\r\n")
+            )
             self.edits.append((row.first, end, ""))
             for part in row.parts.values():
                 if part.kind in ("table", "tables"):

@@ -130,7 +130,7 @@ class _Handler(BaseHTTPRequestHandler):
             given = json.loads(content)
             if name == "check":
                 request = Request(str(given["page"]), int(given["revision"]), dict(given["table"]))
-                self._answer(lambda: session.check(request) or {})
+                self._answer(lambda: session.check(request))
             elif name == "save":
                 table, digest = dict(given["table"]), str(given["digest"])
                 self._answer(lambda: session.save(table, digest))

@@ -79,7 +79,9 @@ class Session:
         self.is_over = threading.Event()
         self._lock, self._waiting = threading.Condition(), dict[str, Request]()
         self._pool: Pool | None = None
-        self._judged(Request("", 0, self._read()[1]), is_awaited=False)  # while the browser opens the page
+        text, table = self._read()
+        self._seen = _digest(text)
+        self._judged(Request("", 0, table), is_awaited=False)  # while the browser opens the page
         for work in (self._judge_always, self._look_always):
             threading.Thread(target=work, daemon=True).start()
 
@@ -92,7 +94,7 @@ class Session:
             found["unsaved"] = {"table": journal["table"], "of_this_file": journal["digest"] == found["digest"]}
         return found
 
-    def check(self, request: Request) -> None:
+    def check(self, request: Request) -> dict[str, Any]:
         """Have a plan judged, instead of an earlier one of the same page that still waits, and note it in the journal.
 
         Raises
@@ -108,6 +110,7 @@ class Session:
             self.journal.unlink(missing_ok=True)
         else:
             write_json(self.journal, {"digest": _digest(text), "table": request.table}, "the journal")
+        return {"revision": request.revision}
 
     def save(self, table: Mapping[str, Any], digest: str) -> dict[str, Any]:
         """Write a plan to its file, of which only the changed lines change; return the difference and the digest.
@@ -129,6 +132,7 @@ class Session:
                     shutil.copymode(self.file, path)
                     path.write_bytes(new.encode())
             self.journal.unlink(missing_ok=True)
+            self._seen = _digest(new)
         self.tell("saved", {"digest": _digest(new)})
         return {"difference": self._difference(text, new), "digest": _digest(new)}
 
@@ -162,7 +166,9 @@ class Session:
             raise BuildingError(f"{self.file}: {error}") from error
 
     def _difference(self, old: str, new: str) -> str:
-        lines = difflib.unified_diff(old.splitlines(), new.splitlines(), self.file.name, self.file.name, lineterm="", n=1)
+        lines = difflib.unified_diff(
+            old.splitlines(), new.splitlines(), self.file.name, self.file.name, lineterm="", n=1
+        )
         return "\n".join(lines)
 
     def _judge_always(self) -> None:
@@ -192,17 +198,18 @@ class Session:
             self._pool = None
             return {"failed": "the process that judges the plan has died; the next change starts it again"}
         except Exception as error:
-            return {"failed": f"the plan could not be judged, which is a fault of evac: {type(error).__name__}: {error}"}
+            return {
+                "failed": f"the plan could not be judged, which is a fault of evac: {type(error).__name__}: {error}"
+            }
 
     def _look_always(self) -> None:
         """Tell pages when the file on the disk changes."""
-        last = ""
         while not self.is_over.wait(LOOK_EVERY):
             with suppress(OSError, UnicodeDecodeError):
                 now = _digest(content_of(self.file).decode())
-                if last and now != last:
+                if now != self._seen:
+                    self._seen = now
                     self.tell("changed", {"digest": now})
-                last = now
 
 
 def _digest(text: str) -> str:

@@ -1,0 +1,59 @@
+"""A case to edit, a server that serves it, and the browser of the tests of the replay."""
+
+import importlib.util
+import shutil
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from evac.cli.main import main
+from evac.editor import Server, Session
+
+REPLAY = Path(__file__).parents[1] / "replay"
+
+
+@pytest.fixture
+def house(tmp_path):
+    """The example of `evac new`."""
+    main(["new", str(tmp_path / "house")])
+    return tmp_path / "house"
+
+
+@pytest.fixture
+def fire(tmp_path):
+    """A case that holds its plan."""
+    shutil.copytree(Path(__file__).parents[2] / "buildings/office_fire", tmp_path / "fire")
+    return tmp_path / "fire"
+
+
+@pytest.fixture
+def serve():
+    """A function that serves a plan."""
+    servers = []
+
+    def serving(path, **options):
+        server = Server(Session(path), **options)
+        threading.Thread(target=server.serve, args=(False,), daemon=True).start()
+        servers.append(server)
+        return server
+
+    yield serving
+    for server in servers:
+        server.shutdown()
+        server.server_close()
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    """A browser with a page at an address."""
+    spec = importlib.util.spec_from_file_location("browser", REPLAY / "browser.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    executable = module.find_chromium()
+    if sys.platform == "win32" or executable is None:
+        pytest.skip("no Chromium is installed (Debian: apt-get install chromium), or none can be driven here")
+    browser = module.Browser(executable, tmp_path_factory.mktemp("profile"))
+    yield browser
+    browser.close()

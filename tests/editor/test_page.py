@@ -1,0 +1,357 @@
+"""The page in a real browser: what is drawn, what is in the plan then, and in the file."""
+
+import io
+import shutil
+import subprocess
+import threading
+import tomllib
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from evac.cli.main import main
+from evac.editor import Server, Session
+
+CONTROL, SHIFT = 2, 8
+
+
+class Page:
+    """A page of a server, with places in plan [m]."""
+
+    def __init__(self, browser, server, width=1280, height=800, dark=False):
+        self.browser, self.server = browser, server
+        if browser._session is None:
+            target = browser.send("Target.createTarget", {"url": "about:blank"})["targetId"]
+            browser._session = browser.send("Target.attachToTarget", {"targetId": target, "flatten": True})["sessionId"]
+            for domain in ("Page", "Runtime", "Network", "Log"):
+                browser.send(f"{domain}.enable")
+        scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+        browser.send("Emulation.setEmulatedMedia", {"features": scheme})
+        browser.resize(width, height)
+        self.open(server.address)
+
+    def open(self, address):
+        self.run("window.editor && void (editor.store.saved = editor.store.now.content)")  # else the browser asks
+        self.browser.send("Page.navigate", {"url": "about:blank"})
+        self.browser.errors, self.browser.requests = [], []
+        self.browser.send("Page.navigate", {"url": address})
+        self.browser.wait("window.editor && document.getElementById('verdict').dataset.revision", 120)
+
+    def run(self, code):
+        return self.browser.run(code)
+
+    def judged(self):
+        """Wait until the plan of now is judged."""
+        self.browser.wait("Number(document.getElementById('verdict').dataset.revision) === editor.store.revision", 120)
+        self.browser.settle()
+
+    def spot(self, x, y):
+        return self.run(
+            f"""(() => {{ const box = document.getElementById("view").getBoundingClientRect();
+                const [left, top] = editor.view.spot([{x}, {y}]); return [box.left + left, box.top + top]; }})()"""
+        )
+
+    def click(self, *points):
+        for point in points:
+            at = self.spot(*point)
+            self.browser.mouse("mouseMoved", *at)
+            self.browser.click(*at)
+
+    def drag(self, start, end):
+        (x1, y1), (x2, y2) = self.spot(*start), self.spot(*end)
+        self.browser.mouse("mouseMoved", x1, y1)
+        self.browser.mouse("mousePressed", x1, y1, 1)
+        for k in range(1, 5):
+            self.browser.mouse("mouseMoved", x1 + (x2 - x1) * k / 4, y1 + (y2 - y1) * k / 4, 1)
+        self.browser.mouse("mouseReleased", x2, y2)
+        self.browser.settle()
+
+    def keys(self, *keys, modifiers=0):
+        for key in keys:
+            self.browser.press(key, modifiers=modifiers)
+
+    def press(self, name):
+        self.run(f"document.getElementById('{name}').click()")
+        self.browser.settle()
+
+    def type(self, label, value):
+        """Type a value of what is selected."""
+        self.run(
+            f"""(() => {{ const all = [...document.querySelectorAll("#inspector label")];
+                const input = all.find((one) => one.textContent.startsWith({label!r})).querySelector("input, select");
+                input.value = {value!r}; input.dispatchEvent(new Event("change")); }})()"""
+        )
+
+    @property
+    def plan(self):
+        return self.run("editor.store.now.content")
+
+    def row(self, section, name):
+        return next(row for row in self.plan[section] if row["name"] == name)
+
+    def text(self, selector):
+        return self.browser.text(selector)
+
+    def colour(self, x, y):
+        picture = np.array(Image.open(io.BytesIO(self.browser.picture())).convert("RGB"))
+        left, top = self.spot(x, y)
+        return picture[round(top) - 6 : round(top) + 6, round(left) - 6 : round(left) + 6].reshape(-1, 3)
+
+    def saved(self):
+        self.keys("s", modifiers=CONTROL)
+        self.browser.wait("document.getElementById('saved').textContent === 'Saved'")
+        return tomllib.loads(self.server.session.file.read_text())
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    """The house, served for all tests."""
+    folder = tmp_path_factory.mktemp("served") / "house"
+    main(["new", str(folder)])
+    with Server(Session(folder)) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield server
+        server.shutdown()
+
+
+@pytest.fixture
+def page(browser, server, house):
+    """The page of the house as it was; it raises no error and asks nobody but its server."""
+    shutil.copy(house / "house.plan.toml", server.session.file)
+    server.session.journal.unlink(missing_ok=True)
+    page = Page(browser, server)
+    yield page
+    assert browser.errors == []
+    assert all(url.startswith(("http://127.0.0.1:", "data:", "about:")) for url in browser.requests)
+
+
+def git(folder, *words):
+    words = ["git", "-c", "user.name=a", "-c", "user.email=a@b.c", *words]
+    return subprocess.run(words, cwd=folder, check=True, capture_output=True, text=True).stdout
+
+
+def test_a_wall_is_moved_with_its_door_and_only_its_lines_change(page):
+    house = page.server.session.file.parent
+    git(house, "init", "-q")
+    git(house, "add", ".")
+    git(house, "commit", "-qm", "drawn")
+    page.drag((8, 4.2), (9, 4.2))
+    page.judged()
+    door = page.run("editor.view.judged.segments.doors[0].ends[0]")
+    assert door == [9.1, 2, 9.1, 3]
+    assert page.text("#verdict") == "Can be run"
+    saved = page.saved()
+    assert saved["rooms"][1]["polygon"] == [[9.2, 0], [14, 0], [14, 8], [9.2, 8]]
+    assert git(house, "diff", "--numstat") == "2\t2\thouse.plan.toml\n"
+
+
+def test_findings_appear_while_one_draws_and_lead_to_their_place(page):
+    page.click((8.1, 2.5))
+    assert page.text("#inspector h2") == "Door door"
+    page.type("Width", "40")
+    page.judged()
+    assert page.text("#verdict") == "Cannot be run: 1 error"
+    page.run("editor.act.goTo('first')")
+    page.run("document.querySelector('#findings .error').click()")
+    assert page.run("editor.view.storey") == "ground"
+    assert page.text("#inspector h2") == "Door door"
+    page.keys("z", modifiers=CONTROL)
+    page.judged()
+    assert page.text("#verdict") == "Can be run"
+
+
+def test_floor_that_cannot_be_left_is_hatched(page):
+    error = np.array([0xB3, 0x26, 0x1E])
+    assert np.abs(page.colour(12, 2) - error).sum(axis=1).min() > 100
+    page.click((14, 6.5))
+    page.keys("Delete")
+    page.click((8.1, 2.5))
+    page.keys("Delete")
+    page.judged()
+    assert "no exit can be reached from 'ground" in page.text("#findings")
+    assert np.abs(page.colour(12, 2) - error).sum(axis=1).min() < 60
+
+
+def test_every_tool_draws(page):
+    page.run("editor.view.zoomAt(0.7, [3, 4])")  # so that there is space at the right
+    page.run("editor.store.commit(editor.store.now.put({ section: 'storeys', index: 0 }, 'wall', 0.2))")
+    page.keys("r")
+    page.drag((14, 0), (18, 5))  # with a corner that is there
+    page.keys("d")
+    page.click((14, 2))
+    page.keys("e")
+    page.click((18, 3))
+    page.keys("o")
+    page.click((10, 1), (11, 1), (11, 2), (10, 1))
+    page.keys("a")
+    page.drag((15, 1), (17, 4))
+    page.keys("w")
+    page.click((9, 6), (12, 6))
+    page.keys("s")
+    page.click((9.5, 4), (13, 4))
+    page.keys("m")
+    page.click((0, 0), (3, 4))
+    assert page.text("#told") == "5.000 m"
+    plan = page.plan
+    assert plan["rooms"][-1] == {
+        "name": "room",
+        "storey": "ground",
+        "polygon": [[14, 0], [18, 0], [18, 5], [14, 5]],
+    }
+    door, way = plan["doors"][-1]["segment"], plan["exits"][-1]["segment"]
+    assert {x for x, _ in door} == {14}
+    assert abs(door[0][1] - door[1][1]) == pytest.approx(0.9)
+    assert [x for x, _ in way] == [18, 18]
+    assert plan["obstacles"][-2]["polygon"] == [[10, 1], [11, 1], [11, 2]]
+    assert np.ptp(plan["obstacles"][-1]["polygon"], axis=0) == pytest.approx([3, 0.1])
+    assert plan["areas"][-1]["polygon"] == [[15, 1], [17, 1], [17, 4], [15, 4]]
+    stair = plan["shafts"][-1]
+    assert (stair["lower"], stair["upper"], stair["direction"]) == ("ground", "first", [1, 0])
+    page.judged()
+    assert {row["name"] for row in page.run("editor.view.judged.segments.doors")} == {"door", "door 2"}
+    saved = page.saved()
+    assert saved == plan
+
+
+def test_lengths_are_typed(page):
+    page.keys("r")
+    page.click((15, 0))
+    page.browser.mouse("mouseMoved", *page.spot(16, 1))
+    page.keys(*"3x2.5", "Enter")
+    assert page.plan["rooms"][-1]["polygon"] == [[15, 0], [18, 0], [18, 2.5], [15, 2.5]]
+    page.keys("w")
+    page.click((15, 4))
+    page.browser.mouse("mouseMoved", *page.spot(15, 6))
+    page.keys(*"1.75", "Enter")
+    assert np.ptp(page.plan["obstacles"][-1]["polygon"], axis=0) == pytest.approx([0.1, 1.75])
+    page.keys("v")
+    page.click((11, 5))
+    page.type("Width", "6")
+    assert page.row("rooms", "shop")["polygon"] == [[8.2, 0], [14.2, 0], [14.2, 8], [8.2, 8]]
+
+
+def test_everything_is_done_by_the_keyboard(page):
+    page.run("editor.view.canvas.focus()")
+    page.run("editor.tools.at = [14.2, 0]")
+    page.keys("a", "Enter")
+    page.keys("ArrowRight", "ArrowRight", modifiers=SHIFT)
+    page.keys("Enter")
+    page.keys("ArrowUp", modifiers=SHIFT)
+    page.keys("Enter")
+    page.keys("Enter")
+    assert page.plan["areas"][-1]["polygon"] == [[14.2, 0], [16.2, 0], [16.2, 1]]
+    page.keys("v", "ArrowUp", "ArrowUp")
+    assert page.plan["areas"][-1]["polygon"] == [[14.2, 0.2], [16.2, 0.2], [16.2, 1.2]]
+    page.keys("z", modifiers=CONTROL)  # the moves are one step
+    assert page.plan["areas"][-1]["polygon"] == [[14.2, 0], [16.2, 0], [16.2, 1]]
+    page.keys("d", modifiers=CONTROL)
+    assert page.plan["areas"][-1]["name"] == "area 2"
+    page.keys("Delete")
+    page.keys("PageUp")
+    assert page.run("editor.view.storey") == "first"
+    page.keys("n")
+    assert page.text("#inspector h2") != "Storey first"
+    page.keys("Escape", "3")
+    assert page.run("document.getElementById('view').hidden")
+
+
+def test_a_wall_is_moved_by_the_keyboard(page):
+    page.click((11, 5))
+    page.keys("c", "c")  # a corner, then the wall from it
+    page.keys("ArrowDown", modifiers=SHIFT)
+    assert page.row("rooms", "shop")["polygon"] == [[8.2, -1], [14, -1], [14, 8], [8.2, 8]]
+
+
+def test_a_new_name_is_used_where_the_old_one_was(page):
+    page.click((11, 5))
+    page.type("Name", "<b>café</b> & 'co'")
+    assert page.row("doors", "door")["segment"]["rooms"] == ["hall", "<b>café</b> & 'co'"]
+    page.keys("Escape")
+    page.type("Name", "street")
+    assert {row["storey"] for row in page.plan["exits"]} == {"street"}
+    assert page.plan["shafts"][0]["lower"] == "street"
+    page.judged()
+    assert "people.visitors.level" in page.text("#findings")  # the case has the old name
+    assert page.run("document.querySelectorAll('aside b').length") == 0
+    assert page.saved() == page.plan
+
+
+def test_a_storey_is_copied_up_with_its_stair(page):
+    page.run("editor.act.goTo('first'); document.getElementById('copies').value = 3")
+    page.run("document.querySelector('#copy button').click()")
+    page.judged()
+    assert [(row["name"], row.get("like")) for row in page.plan["storeys"]][2:] == [
+        ("first 2", "first"),
+        ("first 3", "first"),
+        ("first 4", "first"),
+    ]
+    assert page.plan["shafts"][0]["upper"] == "first 4"
+    assert [row["z"] for row in page.plan["storeys"]] == pytest.approx([0, 3.2, 6.4, 9.6, 12.8])
+    assert page.run("editor.view.judged.levels.filter(({ kind }) => kind === 'flight').length") == 4
+    assert page.saved() == page.plan
+
+
+def test_undo_goes_back_to_the_file_also_after_saving(page):
+    first, bytes_of_file = page.plan, page.server.session.file.read_bytes()
+    for _ in range(3):
+        page.click((11, 5))
+        page.keys("Delete")
+        page.keys("v")
+        page.keys("z", modifiers=CONTROL)
+    page.drag((8, 4.2), (9, 4.2))
+    second = page.plan
+    page.saved()
+    page.keys("z", modifiers=CONTROL)
+    assert page.plan == first
+    page.saved()
+    assert page.server.session.file.read_bytes() == bytes_of_file
+    page.keys("z", modifiers=CONTROL | SHIFT)
+    assert page.plan == second
+    page.keys("z", modifiers=CONTROL)
+
+
+def test_a_file_that_changes_meanwhile_is_told_and_kept(page):
+    page.drag((8, 4.2), (9, 4.2))
+    file = page.server.session.file
+    text = file.read_text().replace("width = 1.0", "width = 1.3")
+    file.write_text(text)
+    page.browser.wait("!document.getElementById('banner').hidden")
+    page.keys("s", modifiers=CONTROL)
+    page.browser.settle()
+    assert file.read_text() == text
+    page.press("keep-mine")
+    assert page.saved()["doors"][0]["segment"]["width"] == 1.0
+    file.write_text(text)
+    page.browser.wait("!document.getElementById('banner').hidden")
+    page.press("take-file")
+    page.browser.wait("editor.store.now.content.doors[0].segment.width === 1.3")
+    page.browser.errors = [one for one in page.browser.errors if "409" not in one]
+
+
+def test_unsaved_work_is_here_again_after_the_end_of_the_server(page):
+    page.drag((8, 4.2), (9, 4.2))
+    drawn = page.plan
+    page.judged()
+    with Server(Session(page.server.session.file.parent)) as again:
+        threading.Thread(target=again.serve_forever, daemon=True).start()
+        page.open(again.address)
+        assert page.plan == drawn
+        assert page.text("#saved") == "Not saved"
+        page.press("undo")
+        assert page.plan["rooms"][1]["polygon"][0] == [8.2, 0]
+        page.judged()
+        again.shutdown()
+    page.press("save")
+    page.browser.wait("document.getElementById('banner-text').textContent.includes('start it again')")
+    page.browser.errors = [one for one in page.browser.errors if "ERR_" not in one]
+
+
+def test_the_building_is_shown_in_3d_in_the_dark(browser, fire, serve):
+    page = Page(browser, serve(fire), width=900, height=600, dark=True)
+    page.press("view-3d")
+    browser.wait("editor.view3d.isBuilt")
+    browser.settle()
+    picture = np.array(Image.open(io.BytesIO(browser.picture())).convert("RGB"))[60:560, 180:570]
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 30
+    assert browser.errors == []

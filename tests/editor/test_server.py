@@ -1,0 +1,101 @@
+"""The server answers its own page, and nobody else."""
+
+import http.client
+import json
+
+import pytest
+
+from evac.editor import Server, Session
+
+
+def ask(server, path="", method="GET", body=None, **headers):
+    """Return the status, the headers and the content of an answer; None takes a header away."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=30)
+    given = {"Host": server.host, "Origin": f"http://{server.host}", "Content-Type": "application/json"}
+    given |= {name.replace("_", "-"): value for name, value in headers.items()}
+    connection.putrequest(method, f"/{server.token}/{path}" if not path.startswith("/") else path, skip_host=True)
+    for name, value in given.items():
+        if value is not None:
+            connection.putheader(name, value)
+    content = None if body is None else json.dumps(body).encode()
+    if content is not None:
+        connection.putheader("Content-Length", str(len(content)))
+    connection.endheaders(content)
+    answer = connection.getresponse()
+    found = answer.status, dict(answer.getheaders()), answer.read()
+    connection.close()
+    return found
+
+
+@pytest.fixture
+def server(house, serve):
+    return serve(house)
+
+
+def document(server):
+    return json.loads(ask(server, "document")[2])
+
+
+def test_the_page_gets_the_plan_and_its_files(server):
+    found = document(server)
+    assert found["file"] == "house.plan.toml"
+    assert [row["name"] for row in found["table"]["rooms"]] == ["hall", "shop", "gallery"]
+    for name, kind in (("", "html"), ("page.js", "javascript"), ("page.css", "css")):
+        status, headers, content = ask(server, name)
+        assert status == 200
+        assert kind in headers["Content-Type"]
+        assert "default-src 'none'" in headers["Content-Security-Policy"]
+        assert ask(server, name, "HEAD")[1]["Content-Length"] == str(len(content))
+    assert len(ask(server, "page.js")[2]) < 400_000
+
+
+@pytest.mark.parametrize(
+    ("status", "headers"),
+    [
+        (421, {"Host": "evil.example"}),
+        (421, {"Host": "localhost"}),
+        (421, {"Host": "127.0.0.1"}),
+        (421, {"Host": None}),
+        (403, {"Origin": "http://evil.example"}),
+        (403, {"Origin": "null"}),
+        (403, {"Origin": "http://127.0.0.1:1"}),
+        (403, {"Sec_Fetch_Site": "cross-site"}),
+        (403, {"Sec_Fetch_Site": "same-site", "Sec_Fetch_Dest": "script"}),
+    ],
+)
+def test_other_hosts_and_origins_are_refused(server, status, headers):
+    for name, method, body in (("", "GET", None), ("document", "GET", None), ("save", "POST", {})):
+        assert ask(server, name, method, body, **headers)[0] == status
+
+
+def test_a_post_needs_the_origin_and_json(server, house):
+    before = (house / "house.plan.toml").read_bytes()
+    body = {"table": {"storeys": []}, "digest": document(server)["digest"]}
+    assert ask(server, "save", "POST", body, Origin=None)[0] == 403
+    assert ask(server, "save", "POST", body, Content_Type="text/plain")[0] == 415
+    assert ask(server, "save", "POST", None)[0] == 413
+    assert ask(server, "save", "POST", {"table": 1})[0] == 400
+    assert ask(server, "save", "POST", [])[0] == 400
+    assert (house / "house.plan.toml").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "name", ["../document", "%2e%2e/case.toml", "case.toml", "house.plan.toml", "..", "run", "main.js"]
+)
+def test_nothing_else_is_served(server, name):
+    assert ask(server, name)[0] == 404
+    assert ask(server, f"/{name}")[0] == 404
+
+
+def test_the_token_is_needed_and_is_another_at_each_start(server, house, serve):
+    again = serve(house)
+    assert again.token != server.token
+    for path in ("/", "/document", "/x/document", f"/{server.token[:-1]}/document", f"/{server.token}/document"):
+        assert ask(again, path)[0] == 404
+    assert ask(again, "document")[0] == 200
+
+
+def test_it_ends_when_no_page_is_open(house):
+    with Server(Session(house), idle=0.1) as server:
+        server.serve(is_shown=False)
+    assert server.session.is_over.is_set()
