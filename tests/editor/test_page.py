@@ -183,11 +183,11 @@ def test_every_tool_draws(page):
     page.keys("e")
     page.click((18, 3))
     page.keys("o")
-    page.click((10, 1), (11, 1), (11, 2), (10, 1))
+    page.click((10, 1.4), (11, 1.4), (11, 2.5), (10, 1.4))
     page.keys("a")
-    page.drag((15, 1), (17, 4))
+    page.drag((15, 1.4), (17, 4))
     page.keys("w")
-    page.click((9, 6), (12, 6))
+    page.click((9, 7), (12, 7))
     page.keys("s")
     page.click((9.5, 4), (13, 4))
     page.keys("m")
@@ -203,9 +203,9 @@ def test_every_tool_draws(page):
     assert {x for x, _ in door} == {14}
     assert abs(door[0][1] - door[1][1]) == pytest.approx(0.9)
     assert [x for x, _ in way] == [18, 18]
-    assert plan["obstacles"][-2]["polygon"] == [[10, 1], [11, 1], [11, 2]]
+    assert plan["obstacles"][-2]["polygon"] == [[10, 1.4], [11, 1.4], [11, 2.5]]
     assert np.ptp(plan["obstacles"][-1]["polygon"], axis=0) == pytest.approx([3, 0.1])
-    assert plan["areas"][-1]["polygon"] == [[15, 1], [17, 1], [17, 4], [15, 4]]
+    assert plan["areas"][-1]["polygon"] == [[15, 1.4], [17, 1.4], [17, 4], [15, 4]]
     stair = plan["shafts"][-1]
     assert (stair["lower"], stair["upper"], stair["direction"]) == ("ground", "first", [1, 0])
     page.judged()

@@ -53,8 +53,8 @@ class Tools {
 
   snap(point, isFree) {
     if (isFree) return point.map(mm);
-    const refs = this.table.on(this.storey), still = this.drag?.base ?? this.table;
-    const corners = refs.flatMap((ref) => still.rings(ref).flat());
+    const refs = this.table.on(this.storey).filter(({ section }) => !ON_WALLS.includes(section)), still = this.drag?.base ?? this.table;
+    const corners = [...this.points, ...refs.flatMap((ref) => still.rings(ref).flat())];
     const { at, lines } = snapped(point, corners, still.walls(this.storey), this.view.zoom, this.points[this.points.length - 1]);
     this.lines = lines;
     return at;
