@@ -64,6 +64,21 @@ def test_without_an_exit_openings_are_offered(room, tmp_path):
         evac.run(evac.load(made.folder))
 
 
+def test_rooms_of_a_use_have_one_group(tmp_path):
+    plan = evac.Plan()
+    plan.storey("ground")
+    for k, use in enumerate(["office", "office", "hall", "hall", "store"]):
+        plan.room(f"{k}", "ground", shapely.box(6 * k, 0, 6 * k + 6, 5), use=use)
+    plan.exit("door", "ground", [(0, 2), (0, 3)])
+    plan.write(tmp_path / "a.plan.toml")
+    made = import_building([tmp_path / "a.plan.toml"], tmp_path / "case")
+    assert [(room.name, room.number) for room in made.rooms] == [("0", 5), ("1", 5), ("2", 3), ("3", 3), ("4", 3)]
+    case = evac.load(made.folder)
+    assert {group.name: (group.use, group.area, group.number) for group in case.people} == {
+        "office": ("office", None, 10), "hall": ("hall", None, 6), "4": (None, "4", 3),
+    }  # fmt: skip
+
+
 def test_the_chosen_openings_become_exits_and_the_case_runs(room, tmp_path):
     import_building([room], tmp_path / "case")
     made = import_building([room], tmp_path / "case", exits=[3], people=5)

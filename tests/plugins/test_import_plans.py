@@ -7,6 +7,7 @@ import pytest
 
 import evac
 from evac import BuildingError, read_building
+from evac.building.model.findings import account
 from evac.contract.registry import Registry, built_in
 
 REGISTRY = Registry(builtins=built_in("importer"))
@@ -37,6 +38,12 @@ ROOM = "POLYGON ((0 0, 4 0, 4 3, 0 3, 0 0))"
 def test_wkt(tmp_path, text, area):
     building = building_of(tmp_path / "a.wkt", text)
     assert [(level.name, level.polygon.area) for level in building.levels] == [("floor", area)]
+
+
+def test_elements_of_wkt_are_accounted_for(tmp_path):
+    building = building_of(tmp_path / "a.wkt", f"{ROOM}\nPOINT (1 1)\nLINESTRING (0 0, 1 1)\nPOINT (2 2)")
+    rows = {kind: (read, lost) for kind, read, lost, _ in account(building.findings)}
+    assert rows == {"Polygon": (1, 0), "Point": (0, 2), "LineString": (0, 1)}
 
 
 def test_options_of_wkt(tmp_path):
