@@ -2,7 +2,7 @@
 
 import csv
 import html
-import time
+import resource
 from collections import defaultdict
 
 import networkx
@@ -101,10 +101,10 @@ def test_hills_of_a_game_whose_levels_are_wedges_are_refused(tmp_path, options, 
 
 @pytest.mark.slow
 def test_a_product_whose_shape_has_no_end_is_named(tmp_path):
-    started = time.monotonic()
+    started = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     with pytest.raises(BuildingError, match=r"IfcWallStandardCase #218 .* takes more than 2 s"):
         import_building([FOREIGN / "ios_411_walls.ifc"], tmp_path, options={"product_time": 2.0})
-    assert time.monotonic() - started < 60.0
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - started < 60.0
 
 
 @pytest.mark.parametrize(
