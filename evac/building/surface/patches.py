@@ -43,10 +43,14 @@ class Patch:
 
     def over(self, other: "Patch", least: float, most: float) -> BaseGeometry:
         """Return the polygon where this patch is between `least` and `most` [m] above another one."""
+        rise, z = self.rise - other.rise, self.z - other.z
+        boxes = np.reshape([self.plan.bounds, other.plan.bounds], (2, 2, 2))
+        ends = z + np.sort(rise * [boxes[:, 0].max(axis=0), boxes[:, 1].min(axis=0)], axis=0).sum(axis=1)
+        if ends[1] < least or ends[0] > most:
+            return shapely.Polygon()
         common = flat_parts(shapely.intersection(self.plan, other.plan, grid_size=GRID))
         if common.is_empty:
             return common
-        rise, z = self.rise - other.rise, self.z - other.z
         room = z + shapely.get_coordinates(common) @ rise
         if room.min() >= least and room.max() <= most:
             return common
