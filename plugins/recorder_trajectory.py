@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.saved import SavedError, taken
+from evac.base.saved import Bounds, SavedError
 from evac.folder.files import TRAJECTORY_NAME
 from evac.results.results import versions
 from evac.trajectory.header import building_to_json
@@ -23,9 +23,11 @@ class TrajectoryRecorder(Recorder):
     """Writes ``trajectory.evac`` to the result folder, if there is one, unless ``output.trajectory`` is false."""
 
     name = "trajectory"
+    saved = ("_recorded", "_changes")
     _writer: "TrajectoryWriter | None" = None
     _recorded = -1.0  # time of the last frame [s]
     _changes = 0  # number of changes that have been written
+    _latest = 0.0, 0  # the greatest that these can be
 
     def start(self, simulation: "Simulation") -> None:
         """Write the header: the building, the groups and the settings of the run."""
@@ -48,10 +50,8 @@ class TrajectoryRecorder(Recorder):
             self._writer.close()
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the time of the last frame [s] and the number of changes written."""
-        if self._writer is None:
-            return {}
-        return {"recorded": np.array(self._recorded), "changes": np.array(self._changes)}
+        """Return the time of the last frame [s] and the number of changes written, if there is a file."""
+        return {} if self._writer is None else super().state()
 
     def check_state(
         self, simulation: "Simulation", state: Mapping[str, NDArray[Any]], folder: Path, files: Mapping[str, int]
@@ -60,15 +60,21 @@ class TrajectoryRecorder(Recorder):
         is_written = simulation.folder is not None and simulation.case.output.trajectory
         if (TRAJECTORY_NAME in files) != is_written:
             raise SavedError(f"{TRAJECTORY_NAME}: the checkpoint does not say where it ends")
+        self._latest = simulation.time, len(simulation.scene.changes)
         if is_written:
-            taken(state, "recorded", np.float64, (), -1.0, simulation.time)
-            taken(state, "changes", np.int64, (), 0, len(simulation.scene.changes))
+            super().restore(simulation, state)
 
-    def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
-        """Open the file again, whose last frame is that of the checkpoint."""
+    def restore(  # type: ignore[override]
+        self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]
+    ) -> None:
+        """Open the file again, whose last frame is that of the checkpoint, which has been checked."""
         if simulation.folder is not None and state:
             self._open(simulation, (simulation.folder / TRAJECTORY_NAME).stat().st_size)
-            self._recorded, self._changes = float(state["recorded"]), int(state["changes"])
+
+    def bounds(self) -> dict[str, Bounds]:
+        """Return that nothing is written that is still to come."""
+        time, changes = self._latest
+        return {"_recorded": Bounds(-1.0, time), "_changes": Bounds(0, changes)}
 
     def files(self) -> Mapping[str, int]:
         """Return the length of the trajectory."""

@@ -15,15 +15,9 @@ def never() -> bool:
 class Interrupt:
     """Counts signals: after the first one, the run stops at the end of its tick, and after the next, its outputs stop.
 
-    A third one raises KeyboardInterrupt anywhere. Signals that were ignored before, such as SIGHUP under nohup, remain
-    ignored. Outside the main thread, which is the only one that receives signals, no handler is installed.
-
-    Attributes
-    ----------
-    wanted, count : int
-        Number of the last signal received, and how many were received; 0 if there was none.
-    may_break : callable
-        Whether the second signal raises KeyboardInterrupt, too: while recorders finish, which may take long.
+    A third one raises KeyboardInterrupt anywhere, as does a second one if `may_break`, while recorders finish. `wanted`
+    is the number of the last one. Signals that were ignored before, such as SIGHUP under nohup, remain ignored. Outside
+    the main thread, which is the only one that receives signals, no handler is installed.
     """
 
     def __init__(self, names: Iterable[str] = ("SIGINT",), announce: Callable[[int], None] | None = None) -> None:

@@ -38,16 +38,7 @@ def times_of_arrival(people: "GroupSettings", seed: int) -> FloatArray:
 
 
 class Source:
-    """The place at which the people of a group come in, and their times.
-
-    Parameters
-    ----------
-    people : GroupSettings
-    rows : (k,) int32
-    due : (k,) float64
-        Times at which they come [s], ascending.
-    seed : int
-    """
+    """The place at which the people of a group come in, and the times at which they come, ascending (k,) [s]."""
 
     def __init__(self, people: "GroupSettings", rows: IntArray, due: FloatArray, seed: int) -> None:
         assert people.arrive is not None

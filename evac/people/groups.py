@@ -48,14 +48,7 @@ def narrowest_body(case: "Case", behaviours: Sequence[Behaviour] = ()) -> float:
 
 
 def contact_radii(behaviours: Sequence[Behaviour], people: "GroupSettings", radius: FloatArray) -> FloatArray:
-    """Return the contact radii of people of a group: those that the behaviours of the case state, if they turn.
-
-    Parameters
-    ----------
-    behaviours : sequence of Behaviour
-    people : GroupSettings
-    radius : (n,) float64 [m]
-    """
+    """Return the contact radii of people of a group: those that the behaviours of the case state, if they turn."""
     return contact_radius(behaviours if people.turns else (), people.name, people.behaviours, radius)
 
 

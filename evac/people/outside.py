@@ -56,13 +56,7 @@ def make_outside(n: int) -> Outside:
 
 
 class PeopleOutside(Saved):
-    """Owner of the arrays of the people who have left.
-
-    Attributes
-    ----------
-    arrays : Outside
-        Written here only, except for the speed factors.
-    """
+    """Owner of the arrays of the people who have left: `arrays`, of which others write the speed factors only."""
 
     saved = ("arrays",)
 
@@ -76,18 +70,9 @@ class PeopleOutside(Saved):
         self._levels = len(building.levels)
 
     def advance(self, left: IntArray, time: float, tick: float) -> None:
-        """Advance everybody outside by a tick, and add those who left during it.
+        """Advance everybody outside by a tick [s], which ends at `time`, and add those who left during it.
 
         Speeds approach the desired ones exponentially, as those of people inside without contacts.
-
-        Parameters
-        ----------
-        left : (m,) int32
-            People who left during the tick, whose exits and exit times the crowd has.
-        time : float
-            End of the tick [s].
-        tick : float
-            Length of the tick [s].
         """
         outside = self.arrays
         self._walk(np.flatnonzero(outside.level >= 0), outside.speed_factor, tick)

@@ -49,29 +49,12 @@ def place(
     place_name: str,
     may_start: Callable[[FloatArray], BoolArray],
 ) -> FloatArray:
-    """Place discs in a polygon at random and without overlaps.
+    """Place discs of `radii` in a polygon at random, without overlaps with each other, walls and people placed before.
 
     Discs are placed by random sequential addition, largest first. If this saturates before all discs are placed
     (it covers at most about 54 % of the ground), all discs are placed on a hexagonal lattice with the largest
-    possible spacing, with random displacements within the remaining gaps.
-
-    Parameters
-    ----------
-    polygon : shapely polygon or multipolygon
-        Contains all centres.
-    radii : (n,) float64 [m]
-    segments : (w, 4) float64 [m]
-        Walls, portals and exits, which discs must not overlap.
-    occupied : (m, 3) float64 [m]
-        Centres and radii of people placed before.
-    place_name : str
-        Name of the place in error messages.
-    may_start : callable
-        Returns which of some points (k, 2) in the polygon may be centres, (k,).
-
-    Returns
-    -------
-    (n, 2) float64 [m]
+    possible spacing, with random displacements within the remaining gaps. `segments` (w, 4) are walls, portals and
+    exits, `occupied` (m, 3) x, y and radius of the others [m]; `may_start` says which points (k, 2) may be centres.
     """
     reach = float(radii.max())
     fitting = int(DENSEST * polygon.buffer(reach).area / (np.pi * float(np.square(radii).mean())))

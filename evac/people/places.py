@@ -134,18 +134,7 @@ def is_limited(people: "GroupSettings") -> bool:
 def have_stopped(
     fields: "Fields", crowd: Crowd, rows: NDArray[np.integer[Any]], velocity: FloatArray, place: Area | Place
 ) -> NDArray[np.integer[Any]]:
-    """Return the people who are in a place and come no nearer to its innermost point, because others stand there.
-
-    Parameters
-    ----------
-    fields : Fields
-    crowd : Crowd
-    rows : (k,) int
-        People on their way to the place.
-    velocity : (n, 2) float64
-        Displacement velocities of all people [m/s].
-    place : Area or Place
-    """
+    """Return the people who are in a place and come no nearer to its innermost point, because others stand there."""
     shape = place.polygon if isinstance(place, Area) else place.shape
     rows = rows[crowd.level[rows] == place.level]
     rows = rows[shapely.intersects_xy(shape, *crowd.position[rows].T)]
@@ -289,15 +278,7 @@ class Places(Saved):
         return times
 
     def settle(self, time: float, fields: "Fields", velocity: FloatArray) -> None:
-        """Let those stay who have come to a stop in their place.
-
-        Parameters
-        ----------
-        time : float [s]
-        fields : Fields
-        velocity : (n, 2) float64
-            Displacement velocities [m/s].
-        """
+        """Let those stay who have come to a stop in their place; velocities (n, 2) are those of displacement [m/s]."""
         crowd = self._crowd
         coming = (self._meant >= 0) & ~self.arrived & (crowd.level >= 0)
         for index, place in enumerate(self._places):

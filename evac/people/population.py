@@ -164,18 +164,7 @@ class Population(Saved):
         return np.flatnonzero(is_in).astype(np.int32)
 
     def settle(self, events: Events) -> IntArray:
-        """Record the crossings of a tick: exit times, exits used, and the log of portal crossings.
-
-        Parameters
-        ----------
-        events : Events
-            The first `number` are new; ``link`` counts portals first, then exits.
-
-        Returns
-        -------
-        (m,) int32
-            The people who left.
-        """
+        """Record the crossings of a tick: exit times, exits used, and the log of portal crossings; return who left."""
         count = int(events.number)
         row, link, time = events.row[:count], events.link[:count], events.time[:count]
         is_exit = events.kind[:count] == EXIT

@@ -45,16 +45,7 @@ def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
 
 
 def late_starts(crowd: Crowd, duration: float) -> tuple[str, ...]:
-    """Return a warning if people start to walk only after the end of the run.
-
-    People whose start time is infinite wait for a behaviour that tells them to start, and are not counted.
-
-    Parameters
-    ----------
-    crowd : Crowd
-    duration : float
-        ``simulation.duration`` [s].
-    """
+    """Return a warning if people start to walk only after the end of the run; infinite start times do not count."""
     late = np.isfinite(crowd.start_time) & (crowd.start_time > duration)
     if not late.any():
         return ()
@@ -77,13 +68,7 @@ def rivals(keepers: Sequence[str]) -> tuple[str, ...]:
 
 
 def overlapping(crowd: Crowd) -> tuple[int, float]:
-    """Return the number of overlapping pairs of bodies and the largest overlap.
-
-    Returns
-    -------
-    pairs : int
-    deepest : float [m]
-    """
+    """Return the number of overlapping pairs of bodies and the largest overlap [m]."""
     pairs, deepest = 0, 0.0
     for level in np.unique(crowd.level[crowd.level >= 0]):
         rows = np.flatnonzero(crowd.level == level)

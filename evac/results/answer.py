@@ -90,11 +90,16 @@ def _times(results: "Results") -> str:
 def _exits(results: "Results") -> tuple[str, ...]:
     used = sorted(results.exits.items(), key=lambda item: -item[1]["people"])
     building, lines = results.building_or_none, list[str]()
-    notes = {one.name: building.label_of(one).removeprefix(one.name) for one in building.exits} if building else {}
+    notes: dict[str, object] = {}
+    if building is not None:
+        notes = {
+            one.name: building.controlled.get(building.link_of(one)) or building.note_on(one) for one in building.exits
+        }
     for name, use in used[: MOST_EXITS if len(used) <= MOST_EXITS else MOST_EXITS - 1]:
         last = "" if use["last_out"] is None else f" by {use['last_out']:.2f} s"
         flow = "" if use["flow"] is None else f", {use['flow']:.2f}/s ({use['flow_per_metre']:.2f}/s/m)"
-        lines.append(f"Exit {name!r}{notes.get(name, '')}: {counted(use['people'], 'person', 'people')}{last}{flow}")
+        note = f" ({notes[name]})" if notes.get(name) else ""
+        lines.append(f"Exit {name!r}{note}: {counted(use['people'], 'person', 'people')}{last}{flow}")
     if others := used[len(lines) :]:
         people = sum(use["people"] for _, use in others)
         lines.append(f"{len(others)} other exits: {counted(people, 'person', 'people')}")

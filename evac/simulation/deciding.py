@@ -18,18 +18,8 @@ if TYPE_CHECKING:
 class Deciding(Saved):
     """Calls the behaviours of a run; errors name the behaviour.
 
-    Attributes
-    ----------
-    used : list of (Behaviour, BehaviourScene)
-        The behaviours that have an effect, each with the scene that it can access.
-    acts : dict of str to bool
-        By name, whether each acts at every tick.
-    reads_forces : bool
-        Whether one of them reads contact forces, which are then needed at every tick.
-    version : int
-        Version of the scene at the last tick.
-    held : (n,) bool
-        Whom behaviours let stand, to wait for others for example, but not behind others.
+    `used` has the behaviours with an effect, each with the scene that it can access, and `acts` by name whether it acts
+    at every tick; `held` (n,) are people whom they let stand, to wait for others for example, but not behind others.
     """
 
     saved = ("version", "held")

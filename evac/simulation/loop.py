@@ -26,14 +26,12 @@ class Operation:
 
 
 class Loop:
-    """Advances a simulation by one tick after the other.
+    """Advances a simulation by one tick after the other; `progress` may raise `Stopped` to end the run with a tick.
 
     Attributes
     ----------
     operations : list of Operation
         In the order in which they act in each tick. Others may be added, at the end if they use the state after it.
-    progress : callable or None
-        Called with a `Progress` at every tick; if it raises `Stopped`, the run ends with this tick.
     """
 
     def __init__(self, simulation: "Simulation") -> None:

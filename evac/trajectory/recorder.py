@@ -8,17 +8,19 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from evac.base.parameters import Configurable
+from evac.base.saved import Saved
 
 if TYPE_CHECKING:
     from evac.results.results import Results
     from evac.simulation.simulation import Simulation
 
 
-class Recorder(Configurable, ABC):
+class Recorder(Configurable, Saved, ABC):
     """Reads the simulation at the start, at every output time and at the end, without changing it.
 
     The simulation calls `record` every ``output.every`` seconds, beginning at time zero. ``simulation.folder`` is the
-    result folder, or None for a run that writes no files.
+    result folder, or None for a run that writes no files. Attributes named in ``saved`` are part of checkpoints, within
+    the bounds of ``bounds()``, as those of behaviours are.
     """
 
     def start(self, simulation: "Simulation") -> None:
@@ -54,17 +56,19 @@ class Recorder(Configurable, ABC):
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the data kept between two calls of `record` as arrays, for checkpoints.
 
-        A recorder without attributes other than its parameters need not override this method. Other recorders must,
-        or checkpoints raise an error.
+        By default those that `saved` names. A recorder with other attributes than its parameters must name them, or
+        override this method, or checkpoints raise an error.
 
         Returns
         -------
         dict of str to array
             Arrays of booleans, integers or floats, by any names; they are copied.
         """
-        return {}
+        return super().state()
 
-    def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(  # type: ignore[override]
+        self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]
+    ) -> None:
         """Restore what `state` returned; called instead of `start` in a run that is resumed.
 
         Parameters
@@ -73,6 +77,7 @@ class Recorder(Configurable, ABC):
             The simulation at the time of the checkpoint; its folder contains the files of the recorder.
         state : mapping of str to array
         """
+        super().restore(dict(state))
 
     def check_state(
         self, simulation: "Simulation", state: Mapping[str, NDArray[Any]], folder: Path, files: Mapping[str, int]

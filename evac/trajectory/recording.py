@@ -24,13 +24,7 @@ READ = "only read the simulation, and copy arrays before changing them"
 
 
 class Recording:
-    """Calls the recorders of a run; errors name the recorder.
-
-    Attributes
-    ----------
-    is_started : bool
-        Whether they have recorded the initial state.
-    """
+    """Calls the recorders of a run, once they have started (`is_started`); errors name the recorder."""
 
     def __init__(self, recorders: Sequence[Recorder], folder: Path | None) -> None:
         self.recorders = list(recorders)

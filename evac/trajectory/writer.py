@@ -48,22 +48,8 @@ def _row(count: int) -> pa.DataType:
 class TrajectoryWriter:
     """Writes the header and then one frame after the other, each without buffering.
 
-    Parameters
-    ----------
-    path : Path
-        File, which is replaced if it exists; its folder is created if missing.
-    header : mapping
-        JSON data: ``title``, ``building`` (`evac.trajectory.header.building_to_json`), ``groups`` (list of names),
-        ``group`` (list: index in ``groups`` per person, -1 for none), ``radius`` (list [m]) and any other keys.
-        Format, fields and origin are added.
-    origin : (2,) float64 [m]
-        Origin of the recorded positions in plan, so that float32 is precise enough for all coordinate systems.
-    fields : sequence of LevelField
-        The fields of behaviours, whose values are recorded in each frame.
-    has_dose : bool
-        Whether the doses of people are recorded.
-    length : int
-        If it is not 0, the file exists, written with the same header, and is continued after so many bytes.
+    The header is JSON data, to which format, fields and origin are added. With a `length` [bytes], the file exists and
+    is continued after so many bytes. Positions are relative to the origin, so that float32 is precise enough.
 
     Attributes
     ----------
@@ -115,23 +101,7 @@ class TrajectoryWriter:
         dose: FloatArray | None = None,
         standing: NDArray[np.bool_] | None = None,
     ) -> None:
-        """Write one frame with all people who are inside at `time`.
-
-        Parameters
-        ----------
-        time : float [s]
-        crowd : Crowd
-        velocity : (n, 2)
-            Velocities to record, in plan [m/s]: `Simulation.displacement_velocity`.
-        changes : sequence of Change
-            Changes of the scene since the frame before.
-        fields : sequence of LevelField
-            Those given at first, with their present values.
-        dose : (n,) float64, optional
-            Doses of all people, if they are recorded.
-        standing : (n,) bool, optional
-            Those who do not walk on: see `Simulation.standing`; nobody if not given.
-        """
+        """Write one frame with all people who are inside; changes are those since the frame before."""
         rows = np.flatnonzero(crowd.level >= 0)
         motion = np.empty((rows.size, self._of_person[3].list_size), "<f4")
         with np.errstate(over="ignore"):  # reported below

@@ -104,7 +104,8 @@ def test_controls_are_recorded_written_and_shown(tmp_path):
     results = evac.run(hall({"every": 2.0, "most": 40}, lifted, people=6), tmp_path / "r", progress=False)
     trajectory = evac.read_trajectory(tmp_path / "r")
     words = "one person in 2 s, closes after 40 people"
-    assert trajectory.building.label_of(trajectory.building.exits[0]) == f"exit ({words})"
+    assert trajectory.building.label_of(trajectory.building.exits[0]) == "exit (controlled)"
+    assert [str(control) for control in trajectory.building.controlled.values()] == [words]
     assert trajectory.building_at(5.0).controls == frozenset()
     assert [str(change) for change in results.changes] == ["'exit' without control at 5 s"]
     assert results.last_out < 10.0

@@ -492,10 +492,10 @@ class Building:
         return f"{exit_.name} ({note})" if note else exit_.name
 
     def note_on(self, exit_: Exit) -> str:
-        """Return whether an exit is closed or lets people only in, or how it is controlled; empty for others."""
+        """Return whether an exit is closed, lets people only in, or is controlled; empty for others."""
         if not self.is_open(exit_):
             return "entrance only" if self.lets_in(exit_) else "closed"
-        return str(self.controlled.get(self.link_of(exit_), ""))
+        return "controlled" if self.link_of(exit_) in self.controlled else ""
 
     def leads_from(self, portal: Portal, level: int) -> bool:
         """Return whether a portal can be passed from one of its levels."""
