@@ -1,6 +1,6 @@
 """Behaviours: what people decide at the tick. The base class of behaviour plugins."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
-from evac.base.defaults import LEAST_RADIUS
 from evac.base.errors import ScenarioError, fault, plugin_code, usable_path
 from evac.base.parameters import Configurable, did_you_mean
 from evac.base.saved import FINITE, Saved
@@ -332,34 +331,6 @@ class BehaviourScene:
     def ways_version(self) -> int:
         """Number of those of them that changed the fields."""
         return self.scene.ways_version
-
-
-def contact_radius(
-    behaviours: Iterable[Behaviour], group: str, settings: Mapping[str, Any], radius: FloatArray
-) -> FloatArray:
-    """Return the contact radii of people of a group: the smallest that a behaviour states, otherwise their radii.
-
-    Parameters
-    ----------
-    behaviours : iterable of Behaviour
-    group : str
-        Name of the group, for messages.
-    settings : mapping of str to mapping
-        For each behaviour by name, the keys of the group.
-    radius : (n,) float64 [m]
-    """
-    smallest = radius
-    for behaviour in behaviours:
-        what = f"behaviour {behaviour.name!r}: contact_radius"
-        with plugin_code(what, behaviour):
-            found = np.asarray(behaviour.contact_radius(radius.copy(), settings.get(behaviour.name, {})), np.float64)
-        is_valid = found.shape == radius.shape and bool(((found >= LEAST_RADIUS) & (found <= radius)).all())
-        if not is_valid:
-            wrong = f"returned {found!r} for the radii {radius!r} of group {group!r}"
-            remedy = f"return an array of as many numbers, at least {LEAST_RADIUS:g} and at most these"
-            raise fault(what, wrong, remedy, behaviour)
-        smallest = np.minimum(smallest, found)
-    return smallest
 
 
 def check_declared(behaviour: Behaviour) -> None:

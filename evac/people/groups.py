@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evac.base.arrays import FloatArray
+from evac.base.defaults import LEAST_RADIUS
 from evac.base.distributions import Distribution
-from evac.base.errors import ScenarioError
+from evac.base.errors import ScenarioError, fault, plugin_code
 from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building
 from evac.building.model.links import ways_onto
 from evac.directions.routes import Route
-from evac.people.behaviour import Behaviour, contact_radius
+from evac.people.behaviour import Behaviour
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -48,8 +49,19 @@ def narrowest_body(case: "Case", behaviours: Sequence[Behaviour] = ()) -> float:
 
 
 def contact_radii(behaviours: Sequence[Behaviour], people: "GroupSettings", radius: FloatArray) -> FloatArray:
-    """Return the contact radii of people of a group: those that the behaviours of the case state, if they turn."""
-    return contact_radius(behaviours if people.turns else (), people.name, people.behaviours, radius)
+    """Return the contact radii of people of a group: if they turn the smallest that a behaviour states, or theirs."""
+    smallest = radius
+    for behaviour in behaviours if people.turns else ():
+        what = f"behaviour {behaviour.name!r}: contact_radius"
+        with plugin_code(what, behaviour):
+            own = people.behaviours.get(behaviour.name, {})
+            found = np.asarray(behaviour.contact_radius(radius.copy(), own), np.float64)
+        if found.shape != radius.shape or not ((found >= LEAST_RADIUS) & (found <= radius)).all():
+            wrong = f"returned {found!r} for the radii {radius!r} of group {people.name!r}"
+            remedy = f"return an array of as many numbers, at least {LEAST_RADIUS:g} and at most these"
+            raise fault(what, wrong, remedy, behaviour)
+        smallest = np.minimum(smallest, found)
+    return smallest
 
 
 def _contact_radius(behaviours: Sequence[Behaviour], people: "GroupSettings", radius: float) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,6 +42,7 @@ class Loop:
         self._steps_per_record *= self._settings.steps_per_tick
         self._before = simulation.population.crowd.position.copy()
         self._end, self._is_output = 0, False
+        record = partial(simulation.recording.record, simulation)
         self.operations = [
             Operation("changes", "behaviours", self._change),
             Operation("directions", "directions", self._find_ways, self._is_way_to_find),
@@ -50,7 +52,7 @@ class Loop:
             Operation("conditions", "behaviours", self._expose, self._is_sampled, self._begin_exposure),
             Operation("safety", "recording", self._judge, lambda: simulation.safety is not None, self._judge_start),
             Operation("watch", "recording", self._look),
-            Operation("recorders", "recording", self._record, lambda: self._is_output, self._start_recording),
+            Operation("recorders", "recording", record, lambda: self._is_output, self._start_recording),
             Operation("ending", "recording", self._end_run),
             Operation("progress", "output", self._show, lambda: self.progress is not None),
         ]
@@ -159,9 +161,6 @@ class Loop:
     def _look(self) -> None:
         simulation, crowd = self._simulation, self._simulation.population.crowd
         simulation.watch.look(simulation.time, crowd, simulation.displacement_velocity, self._is_output)
-
-    def _record(self) -> None:
-        self._simulation.recording.record(self._simulation)
 
     def _start_recording(self) -> None:
         simulation = self._simulation
