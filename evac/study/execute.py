@@ -73,9 +73,8 @@ class Row:
     time: float = math.nan  # simulated time [s]; NaN for a failed run
     # time at which the last person left [s]; infinite if people are left inside, NaN for a failed run
     last_out: float = math.nan
-    # tuple of (str, int, float): for each exit: name, number of people who left by it, time at which the last of them
-    # left [s] or NaN
-    exits: tuple[tuple[str, int, float], ...] = ()
+    # for each exit: name, number of people who left by it, time at which the last of them left [s] or None
+    exits: tuple[tuple[str, int, float | None], ...] = ()
     # (people,) float64 [s]: NaN for people still inside
     exit_time: FloatArray = field(default_factory=lambda: np.empty(0))
     # (people,) int16: index in `exits`; -1 for people still inside
@@ -265,10 +264,6 @@ def make_row(task: Task, case: "Case | None" = None, tick: Callable[[Progress], 
 def _row(task: Task, results: "Results") -> Row:
     """Return the row of a run."""
     crowd, population_seed = results.crowd, results.settings["simulation"].get("population_seed")
-    exits = []
-    for exit_ in results.building.exits:
-        times = crowd.exit_time[crowd.exit_used == exit_.index]
-        exits.append((exit_.name, len(times), float(times.max()) if len(times) else math.nan))
     return Row(
         task.order.point,
         task.run,
@@ -277,7 +272,7 @@ def _row(task: Task, results: "Results") -> Row:
         results.ended,
         time=results.time,
         last_out=results.last_out if results.is_complete and results.last_out is not None else math.inf,
-        exits=tuple(exits),
+        exits=tuple((name, use["people"], use["last_out"]) for name, use in results.exits.items()),
         exit_time=crowd.exit_time[results.leaving],
         exit_used=crowd.exit_used[results.leaving].astype(np.int16),
         quality_warnings=tuple(results.quality_warnings),

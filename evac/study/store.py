@@ -259,7 +259,7 @@ class RowStore:
             **row.told,
             "out": int(np.isfinite(row.exit_time).sum()),
             "last_out": _number(row.last_out),
-            "exits": [{"name": name, "people": people, "last_out": _number(last)} for name, people, last in row.exits],
+            "exits": [{"name": name, "people": people, "last_out": last} for name, people, last in row.exits],
             "quality_warnings": list(row.quality_warnings),
             "maps": list(row.maps) or None,
             "error": None if row.error is None else text_of(row.error),
