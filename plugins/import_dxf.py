@@ -360,14 +360,14 @@ class DxfImporter(Importer):
     def _add_plan(self, plan: Plan, drawn: "list[Drawn]", storey: str, z: float) -> None:
         """Add one storey from walls and doors."""
         rooms, lines, lost = self._rooms_in(drawn)
+        floor = shapely.Polygon() if rooms is None else rooms.floor
         for arc, swing in lost:
-            is_door = RADII[0] <= swing.radius <= RADII[1]
-            text = f"an arc on {arc.layer!r} with a radius of {swing.radius:.2f} m " + (
-                "is a door at no wall: move it to the wall, or to a layer that is not named like doors"
-                if is_door
-                else "is no door"
-            )
-            kind = "missing" if is_door else "left out"
+            text = f"an arc on {arc.layer!r} with a radius of {swing.radius:.2f} m"
+            is_inside = swing.sector.intersection(floor).area > 0.5 * swing.sector.area
+            if is_inside or not RADII[0] <= swing.radius <= RADII[1]:
+                kind, text = "left out", f"{text} is at no wall" if is_inside else f"{text} is no door"
+            else:
+                kind, text = "missing", f"{text} is a door at no wall: move it there, or to a layer for something else"
             plan.note(kind, text, storey, place_of(arc.line), element=f"layer {arc.layer!r}")
         if rooms is None or rooms.floor.is_empty:
             self._add_storey(plan, storey, [], z, lines or [one.line for one in drawn])

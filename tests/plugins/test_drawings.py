@@ -283,7 +283,8 @@ def test_a_stair_that_does_not_fit_is_missing(tmp_path):
 
 def test_a_door_at_no_wall_is_missing(tmp_path):
     drawing = double_lines("m", None, "walls", "doors")
-    drawing.swing((7.2, 2.2), 0.9, 0.0, "doors", leaf=0.0)
+    drawing.swing((7.2, 2.2), 0.9, 0.0, "doors", leaf=0.0)  # where people walk
+    drawing.swing((10.2, 2.2), 0.9, 0.0, "doors", leaf=0.0)
     drawing.swing((2.8, 2.2), 0.3, 0.0, "doors")  # of a cupboard
     drawing.document.saveas(tmp_path / "a.dxf")
     made = import_building([tmp_path / "a.dxf"], tmp_path / "case", people=8)
