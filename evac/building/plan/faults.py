@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH
@@ -27,6 +29,8 @@ from evac.building.surface.surfacemesh import SurfaceMesh
 MOST_WALLS = 3
 #: Sections of a plan for whose items remedies are tried.
 MENDED = ("rooms", "stairs", "shafts", "doors", "exits", "openings", "areas", "obstacles")
+#: Distance from a segment within which a trial has the rooms and doors of its storey [m]: all take longer.
+NEARBY = 10.0
 #: Least width of a door [m], and its least distance from the corner of a room.
 LEAST_WIDTH, JAMB = 0.5, 0.05
 
@@ -100,19 +104,28 @@ class _Drawn:
         """Return whether an item can be added to the rest of the plan with some doors, to which it is added."""
         rest, trial = self.plan, Plan(self.source, headroom=self.plan.headroom)
         trial.storeys, trial.refused = rest.storeys, rest.refused
+        ends = row.get("segment")
+        around = shapely.LineString(ends).buffer(NEARBY) if np.shape(ends) == (2, 2) else None
+
+        def is_near(shape: BaseGeometry) -> bool:
+            return around is None or bool(shape.intersects(around))
+
         near = {row[key] for key in ("storey", "lower", "upper") if key in row}
         if section != "shafts":
             near.update(*(originals(rest, name) for name in near.intersection(rest.storeys)))
-            trial.storeys = {name: one for name, one in rest.storeys.items() if name in near}
-        for kind in ("rooms", "obstacles"):
-            others = [item for item in getattr(rest, kind) if (kind, item.name) != (section, row["name"])]
+            grounds = {name: tuple(filter(is_near, one.polygons)) for name, one in rest.storeys.items() if name in near}
+            trial.storeys = {name: replace(rest.storeys[name], polygons=own) for name, own in grounds.items()}
+        items = {"rooms": [room for room in rest.rooms if is_near(room.outline)], "obstacles": rest.obstacles}
+        for kind, own in items.items():
+            others = [item for item in own if (kind, item.name) != (section, row["name"])]
             setattr(trial, kind, [item for item in others if item.storey in trial.storeys])
         try:
             getattr(trial, section.removesuffix("s"))(**row)
         except BuildingError:
             return False
-        known = [door for door in doors if door.storey in trial.storeys] if section == "doors" else []
-        trial.doors = [*known, *trial.doors]
+        if section == "doors":
+            known = [door for door in doors if door.storey in trial.storeys]
+            trial.doors = [*(door for door in known if is_near(shapely.LineString(door.segment))), *trial.doors]
         drawing = Drawing(trial)
         mesh = drawing.mesh()
         is_right = (
