@@ -96,7 +96,11 @@ class BuildingOptions(SurfaceOptions):
     areas: tuple[Outline, ...] = key("start areas in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
     obstacles: tuple[Outline, ...] = key("obstacles in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
     north: Real | None = key(
-        "direction of north in plan, counterclockwise from y; by default that of the file, if it tells it", "deg", None
+        "direction of north in plan, counterclockwise from y; by default that of the file, if it tells it",
+        "deg",
+        None,
+        ge=-360,
+        le=360,
     )
     missing: tuple[str, ...] = key("what an incomplete import lacks; every run reports it as a quality warning", "", ())
     controls: dict[Name, Control] = key(

@@ -104,7 +104,7 @@ class _Drawn:
         """Return whether an item can be added to the rest of the plan with some doors, to which it is added."""
         rest, trial = self.plan, Plan(self.source, headroom=self.plan.headroom)
         trial.storeys, trial.refused = rest.storeys, rest.refused
-        ends = row.get("segment")
+        ends: Any = row.get("segment")
         around = shapely.LineString(ends).buffer(NEARBY) if np.shape(ends) == (2, 2) else None
 
         def is_near(shape: BaseGeometry) -> bool:
@@ -115,7 +115,10 @@ class _Drawn:
             near.update(*(originals(rest, name) for name in near.intersection(rest.storeys)))
             grounds = {name: tuple(filter(is_near, one.polygons)) for name, one in rest.storeys.items() if name in near}
             trial.storeys = {name: replace(rest.storeys[name], polygons=own) for name, own in grounds.items()}
-        items = {"rooms": [room for room in rest.rooms if is_near(room.outline)], "obstacles": rest.obstacles}
+        items: dict[str, list[Any]] = {
+            "rooms": [room for room in rest.rooms if is_near(room.outline)],
+            "obstacles": rest.obstacles,
+        }
         for kind, own in items.items():
             others = [item for item in own if (kind, item.name) != (section, row["name"])]
             setattr(trial, kind, [item for item in others if item.storey in trial.storeys])
