@@ -11,17 +11,10 @@ from evac.directions.raster.lattice import SLACK, Window, numbers_between
 
 
 def find_cell_walls(classes: Sequence[BuildingGrids], routes: int, steepest: float) -> CellWalls:
-    """List the walls, closed links and exits that pass through the interior of each cell.
+    """List the walls, closed links and exits that pass through the interior of each cell, for each class of bodies.
 
-    Exits are treated as walls, so that people in front of an exit use the nodes in front of it.
-
-    Parameters
-    ----------
-    classes : sequence of BuildingGrids
-        The grids for each class of bodies.
-    routes : int
-    steepest : float
-        Largest increase of a travel time [s] or length [m] per metre in plan.
+    Exits are treated as walls, so that people in front of an exit use the nodes in front of it. `steepest` is the
+    largest increase of a travel time [s] or length [m] per metre in plan.
     """
     cells: list[IndexArray] = [np.zeros(0, dtype=np.int64)]
     walls: list[FloatArray] = [np.zeros((0, 4))]

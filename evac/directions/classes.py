@@ -22,14 +22,7 @@ class BodyClass(NamedTuple):
 
 
 def find_classes(building: Building, narrowest: float, widest: float) -> tuple[BodyClass, ...]:
-    """Return the classes above that of the narrowest body; none if there is no gap between the two widths.
-
-    Parameters
-    ----------
-    building : Building
-    narrowest, widest : float
-        Widths of the narrowest and the widest body [m].
-    """
+    """Return the classes above that of the narrowest body; none if there is no gap between the two widths [m]."""
     if not narrowest < widest:
         return ()
     links = [link for level in building.levels for link in building.links_of(level.index) if building.is_open(link)]

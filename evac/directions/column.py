@@ -29,32 +29,12 @@ SAVED = ("time", "exit", "gate", "walk", "former", "leans")
 
 
 class Column(Saved):
-    """The travel times and directions of a route, for a class of bodies.
+    """The travel times and directions of a route, for a class of bodies; at first those of the empty building.
 
-    At first they are those of the empty building.
-
-    Parameters
-    ----------
-    fields : Fields
-        Directions of the empty building.
-    travel_time, direction : (nodes,) and (nodes, 2) float64
-        Those of all columns, which `write` changes.
-    number : int
-        Column of the fields: a route, for a class of bodies.
-    gates : Gates
-    hesitation : float, optional
-        Time that the way to another exit must be shorter [s].
-    lower : Column, optional
-        That of the class of narrower bodies.
-
-    Attributes
-    ----------
-    waves : Waves
-        Times, next gates and exits.
-    speed : (nodes,) float64
-        Relative speeds with which they are solved.
-    stale : set of int
-        Levels that were not solved to their end.
+    They are the column `number` of all travel times (nodes,) and directions (nodes, 2), which `write` changes. The way
+    to another exit must be shorter by the time `hesitation` [s]; `lower` is the column of narrower bodies. Times, next
+    gates and exits are in `waves`, solved with relative speeds `speed` (nodes,); levels that were not solved to their
+    end are `stale`.
     """
 
     def __init__(

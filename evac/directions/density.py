@@ -14,16 +14,7 @@ LEAST_SHARE = 0.2
 
 
 class Kernels:
-    """The Gauss kernels with which people add to densities on the grids of a building.
-
-    Parameters
-    ----------
-    grids : BuildingGrids
-    packed : PackedFields
-        Fields on these grids.
-    width : float
-        Standard deviation [m].
-    """
+    """The Gauss kernels of a standard deviation `width` [m] with which people add to densities on grids."""
 
     def __init__(self, grids: BuildingGrids, packed: PackedFields, width: float) -> None:
         self.grids, self._packed, self._width = grids, packed, width
@@ -47,19 +38,10 @@ class Kernels:
         gain: float,
         against: IntArray | None = None,
     ) -> set[int]:
-        """Average a density (nodes,) with that of people now; return the levels on which somebody is or was.
+        """Average a density (nodes,) in place with that of people now; return the levels with people now or before.
 
-        Parameters
-        ----------
-        density : (nodes,) float64
-            Changed in place [1/m2].
-        level : (n,) int32
-            -1 for those who do not count.
-        position : (n, 2) float64 [m]
-        gain : float
-            Weight of the density now.
-        against : (n,) int32, optional
-            Levels of people whose density is taken away from that of the others, -1 for those who do not count.
+        Levels (n,) are -1 for those who do not count. `gain` is the weight of the density now. The density of people
+        with levels in `against` (n,) is taken away from that of the others.
         """
         found = np.zeros(len(density))
         deposit(self._packed, self.first, position, level, self._width, found)

@@ -24,17 +24,9 @@ def upwind_slope(one: float, near: float, far: float, spacing: float) -> float:
 
 @kernel
 def descend(cost: FloatGrid, chosen: ByteGrid, spacing: float, direction: Pairs) -> None:
-    """Compute the unit vectors of steepest descent on a grid.
+    """Compute the unit vectors (nx * ny, 2) of steepest descent of a cost (nx, ny), zero where no neighbour is lower.
 
-    Parameters
-    ----------
-    cost : (nx, ny) float64
-        Cost; inf at nodes that are not walkable.
-    chosen : (nx, ny) uint8
-        Mask of the nodes to write; others are not changed.
-    spacing : float [m]
-    direction : (nx * ny, 2) float64
-        Output: unit vectors, zero where no neighbour is lower.
+    The cost is inf at nodes that are not walkable. Only those that are `chosen` (nx, ny) are written.
     """
     nx, ny = cost.shape
     for i in range(2, nx - 2):
@@ -67,18 +59,10 @@ class Ways(Struct):
 
 @kernel
 def add_lengths(order: Longs, ways: Ways, lengths: Triples) -> None:
-    """Compute the flat, up and down lengths along the paths of steepest descent.
+    """Compute the flat, up and down lengths (nodes, 3) [m], inf before, along the paths of steepest descent.
 
-    Solves grad T . grad F = |grad T| c by first-order upwind differences, node by node in ascending order of cost. For
-    the length F of one use (flat, up, down), c is 1 / cos(slope) on levels with this use and 0 elsewhere.
-
-    Parameters
-    ----------
-    order : (n,) int64
-        Own nodes with a finite cost, in ascending order of cost.
-    ways : Ways
-    lengths : (nodes, 3) float64 [m]
-        Output at the nodes of `order`; must be inf before.
+    Solves grad T . grad F = |grad T| c by first-order upwind differences, node by node in the order (n,) of ascending
+    cost. For the length F of one use (flat, up, down), c is 1 / cos(slope) on levels with this use and 0 elsewhere.
     """
     # Repeated until no more lengths are found: if costs of two levels differ in the last digits, a node can precede one
     # that it depends on.

@@ -22,16 +22,10 @@ STEP, BINS = 1.0, 300
 
 
 class Gates(Saved):
-    """Gates of a building: its links, by their numbers.
+    """Gates of a building: its links, by their numbers. A node is on the line of the gate `at` (nodes,), -1 for none.
 
-    Attributes
-    ----------
-    at : (nodes,) int32
-        Gate whose line a node is on, -1 for none.
-    people : (gates, BINS) float64
-        Number of people on the way to each gate, by their walking time to it, averaged over time.
-    queues : (gates, BINS) float64
-        Relative speeds that follow.
+    `people` (gates, BINS) are on the way to each gate, by their walking time to it, averaged over time; `queues`
+    (gates, BINS) are the relative speeds that follow.
     """
 
     saved = ("people",)

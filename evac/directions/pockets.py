@@ -20,22 +20,11 @@ FEWEST_NODES = 400
 
 
 class Pockets:
-    """The pockets of the nodes that a march goes through.
+    """The pockets of the nodes that a march goes through: those that join (nodes,), with those at which it starts.
 
-    Parameters
-    ----------
-    grids : BuildingGrids
-    joins : (nodes,) bool
-        The nodes of the march, with those at which it starts.
-    starts : (nodes,) bool
-        The nodes at which it starts: they belong to no pocket.
-    beside, twin : (nodes,) int64
-        Node that each node represents, and the one at the same position on another level; -1 for none.
-
-    Attributes
-    ----------
-    of : (nodes,) int64
-        Part of each node, -1 for none.
+    The latter, `starts` (nodes,), belong to no pocket. `beside` and `twin` (nodes,) are the node that each node
+    represents, and the one at the same position on another level; -1 for none. `of` (nodes,) is the part of each node,
+    -1 for none.
     """
 
     def __init__(

@@ -38,16 +38,10 @@ class Settings(Protocol):
 
 
 class Quickest(Saved):
-    """The routes with the strategy "quickest" of a run, and the density that they avoid.
+    """The routes with the strategy "quickest" of a run, `columns`, and the density that they avoid.
 
-    Attributes
-    ----------
-    fields : Fields
-        With travel times and directions of their own, which `update` changes in place.
-    clear : Fields
-        Those of the empty building.
-    columns : Columns
-        Those that follow the crowd.
+    `fields` have travel times and directions of their own, which `update` changes in place; `clear` are those of the
+    empty building.
     """
 
     saved = ("_density", "_counts", "_seconds", "_is_solved", "_exit_of", "_left", "_gates", "columns")
@@ -84,16 +78,9 @@ class Quickest(Saved):
         return not self._is_solved or tick % max(1, round(self._settings.period / length)) == 0
 
     def update(self, level: IntArray, position: FloatArray, route: IntArray, radius: FloatArray) -> None:
-        """Solve the routes again for people at these places.
+        """Solve the routes again for people at levels (n,), -1 for those who have left, and positions (n, 2) [m].
 
-        Parameters
-        ----------
-        level : (n,) int32
-            -1 for those who have left.
-        position : (n, 2) float64 [m]
-        route : (n,) int32
-        radius : (n,) float64
-            Radii of the bodies, by which they fit through gaps [m].
+        Bodies fit through gaps by their radii (n,) [m].
         """
         began = time.process_time()
         columns = columns_of(self.fields.packed, route, radius)

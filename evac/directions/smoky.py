@@ -22,23 +22,11 @@ LEAST_SHARE = 1e-5
 
 
 class Smoky(Saved):
-    """The routes of a run in smoke.
+    """The routes of a run in smoke, with the fields of the run, those of the empty building, and ways that follow the
+    crowd.
 
-    Parameters
-    ----------
-    fields : Fields
-        Of the run, `clear` or with directions of their own.
-    clear : Fields
-        Of the building.
-    quickest : Quickest, optional
-    local : LocalWays, optional
-
-    Attributes
-    ----------
-    fields : Fields
-        With travel times and directions of their own, which `solve` changes in place.
-    share : (nodes,) float64
-        Share of the speed with which they are solved.
+    `fields` have travel times and directions of their own, which `solve` changes in place; `share` (nodes,) is the
+    share of the speed with which they are solved.
     """
 
     saved = ("_smoke", "_columns")
@@ -60,12 +48,8 @@ class Smoky(Saved):
                 self._columns[number] = column
 
     def solve(self, levels: Set[int], share: FloatArray) -> int:
-        """Solve all routes with new shares of the speed on some levels; return the number of levels that were solved.
-
-        Parameters
-        ----------
-        levels : set of int
-        share : (nodes,) float64
+        """Solve all routes with new shares (nodes,) of the speed on some levels; return the number of levels that
+        were solved.
         """
         is_first = bool((self.share == 1.0).all())
         solved = 0

@@ -41,19 +41,16 @@ class Metric:
 def march(
     grids: BuildingGrids, metric: Metric, exits: list[Exit | Area], order: int, barred: frozenset[int] = frozenset()
 ) -> FloatArray:
-    """Return the minimum cost from each node of all grids to any of the given exits.
+    """Return the minimum cost (nodes,) from each node of all grids to any of the given exits [s].
+
+    It is that of own nodes and of halos as marched with each level: negative behind exits, inf where no exit can be
+    reached.
 
     A level is marched from the exits on it, and from each portal behind which the cost is lower. A march from a portal
     starts at the contour of the neighbour's field at its minimum on the portal. This contour is in the halo, so that
     the wave reaches the portal as it does on the grid of the neighbour. Portals are processed in the order of this
     minimum until the cost of no level decreases any more. Ways end at an exit or an area with its cost, and at the
     start of a jump with its time and the cost at its end.
-
-    Returns
-    -------
-    (nodes,) float64
-        Cost [s] of own nodes and of halos as marched with each level; negative behind exits, inf where no exit can be
-        reached.
     """
     return _March(grids, metric, order, barred).run(exits)
 

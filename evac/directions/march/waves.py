@@ -115,24 +115,11 @@ def find_speeds(
     former: Floats,
     speed: Floats,
 ) -> float:
-    """Find the relative speeds of the nodes of a level; return how much they differ from the former ones.
+    """Find the relative speeds (nodes,) of the nodes `first` to `stop` of a level; return how much they differ from the
+    former ones.
 
-    Parameters
-    ----------
-    first, stop : int
-        Range of its nodes.
-    density : (nodes,) float64 [1/m2]
-    floor : float
-        Least speed that follows from a density.
-    waves : Waves
-        With the next gate of each node, and the time to it.
-    queues : (gates, bins) float64
-        Relative speed before each gate, by the time to it.
-    step : float
-        Length of a bin [s].
-    former : (nodes,) float64
-    speed : (nodes,) float64
-        Output.
+    They follow from the density (nodes,) [1/m2], and are then at least `floor`, and from the queues (gates, bins): the
+    relative speed before each gate by the time to it, in bins of `step` [s].
     """
     differences, delay = 0.0, 1.0 / (waves.spacing * waves.spacing)
     for node in range(first, stop):
@@ -151,18 +138,10 @@ def find_speeds(
 
 @kernel
 def find_queues(people: FloatGrid, capacity: Floats, step: float, queues: FloatGrid) -> None:
-    """Find the relative speeds before gates, each of which people pass one after another.
+    """Find the relative speeds (gates, bins) before gates, each of which people pass one after another.
 
-    Parameters
-    ----------
-    people : (gates, bins) float64
-        Number of people on the way to each gate, by their time to it.
-    capacity : (gates,) float64
-        Number of people that pass each gate in a second [1/s].
-    step : float
-        Length of a bin [s].
-    queues : (gates, bins) float64
-        Output.
+    `people` (gates, bins) are on the way to each gate, by their time to it in bins of `step` [s]; `capacity` (gates,)
+    pass each in a second [1/s].
     """
     for gate in range(people.shape[0]):
         end = 0.0  # of the time at which those before have passed
@@ -316,20 +295,10 @@ def jump_from(waves: Waves, node: int, level: Bytes, lowered: Bytes, size: int) 
 def march_waves(waves: Waves, level: Bytes, needed: Bytes, missing: int, least: float, lowered: Bytes) -> None:
     """March through some levels, from the nodes that are final, until the times on all needed levels are known.
 
-    Parameters
-    ----------
-    waves : Waves
-        Nodes that are to be solved are FAR with an infinite time.
-    level : (levels,) uint8
-        The levels that are marched; all nodes of others are FINAL or APART.
-    needed : (levels,) uint8
-        Those of them on which all nodes must become FINAL.
-    missing : int
-        The number of these nodes.
-    least : float
-        Time [s] up to which the march goes in any case.
-    lowered : (levels,) uint8
-        Output: the other levels on which times would decrease.
+    Nodes that are to be solved are FAR with an infinite time; all nodes of levels that are not marked in `level`
+    (levels,) are FINAL or APART. `missing` nodes of those in `needed` (levels,) must become FINAL, and the march goes
+    up to the time `least` [s] in any case. Other levels on which times would decrease are marked in `lowered`
+    (levels,).
     """
     size = 0
     for k in range(waves.border.shape[0]):

@@ -36,14 +36,7 @@ class March(NamedTuple):
 def number_of_workers(grids: BuildingGrids, marches: int, memory: float, wanted: int | None) -> int:
     """Return how many processes march at the same time; 1 means that this process does.
 
-    Parameters
-    ----------
-    grids : BuildingGrids
-    marches : int
-    memory : float
-        What all workers may take [bytes].
-    wanted : int or None
-        Greatest number; None means one for each core.
+    All workers may take `memory` [bytes]; at most `wanted` are started, None means one for each core.
     """
     each = WORKER_BYTES + WORKER_NODE_BYTES * grids.size + MARCH_BYTES * max(grid.sheet.size for grid in grids.levels)
     most = (wanted or cores(), cores(), marches, grids.size * marches // NODES_PER_WORKER, int(memory // each))

@@ -158,19 +158,10 @@ class Shared:
 def build_grids(
     building: Building, spacing: float, clearance: float, barred: float = 0.0, shared: Shared | None = None
 ) -> BuildingGrids:
-    """Create the grids of all levels.
+    """Create the grids of all levels, with walls looked at up to the distance `clearance` [m].
 
-    Parameters
-    ----------
-    building : Building
-    spacing : float
-        Grid spacing [m].
-    clearance : float
-        Maximum distance from walls that is computed [m].
-    barred : float
-        Gaps, portals and exits narrower than this are treated as closed [m]. The windows do not depend on it.
-    shared : Shared, optional
-        That of other grids of the building with the same spacing and clearance.
+    Gaps, portals and exits narrower than `barred` [m] are treated as closed; the windows do not depend on it. `shared`
+    is that of other grids of the building with the same spacing [m] and clearance.
     """
     narrow = {k for k, link in enumerate(building.links[: building.n_links]) if link.width < barred}
     whole, building = building, replace(building, closed=building.closed | narrow)
@@ -283,15 +274,9 @@ def _passages(window: Window, sheet: IntArray, doors: list[tuple[Door, int]]) ->
 
 
 def lead_through_doors(grid: LevelGrid, cost: FloatArray, direction: FloatArray) -> None:
-    """Lead nodes before doors of one direction through these, where no neighbour has a lower cost.
+    """Lead nodes before doors of one direction through these, where no neighbour has a lower cost (nx, ny).
 
-    Parameters
-    ----------
-    grid : LevelGrid
-    cost : (nx, ny) float64
-        Around the grid are nodes of infinite cost.
-    direction : (nx * ny, 2) float64
-        Changed in place.
+    Directions (nx * ny, 2) are changed in place. Around the grid are nodes of infinite cost.
     """
     before, behind = (np.stack(np.unravel_index(nodes - grid.offset, cost.shape)) for nodes in grid.passages)
     beside = [cost[before[0] + i, before[1] + j] for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))]

@@ -98,15 +98,9 @@ class Window:
         return (here[0], here[1]), (there[0], there[1])
 
     def crossed_links(self, segments: FloatArray, axis: int, *, touching: bool) -> "Links":
-        """Return the links along an axis that segments cross.
+        """Return the links along an axis (0: x, 1: y) that segments (s, 4) [m] cross.
 
-        Parameters
-        ----------
-        segments : (s, 4) float64 [m]
-        axis : {0, 1}
-            Along x or along y.
-        touching : bool
-            Whether a segment through the end of a link counts as crossing it.
+        `touching`: a segment through the end of a link counts as crossing it.
         """
         cells = (np.asarray(segments, dtype=np.float64).reshape(-1, 2, 2) - self.origin) / self.lattice.spacing
         node, fraction = _crossings(self.shape, cells, axis, touching)
@@ -168,26 +162,15 @@ def numbers_between(first: FloatArray, last: FloatArray) -> tuple[IndexArray, In
 
 
 def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> tuple[BoolArray, IndexArray]:
-    """Return the nodes that are used for marching on a level, and the nodes that represent the others.
+    """Return the mask (nx, ny) of the nodes that are used for marching on a level, and those that represent the others.
 
     Marching couples neighbouring nodes, so it would pass a wall thinner than a cell unless every link through the wall
     loses one end. The end nearer to the wall is excluded, which is at most half a cell from it, so that no door is
     closed. A wall exactly one cell thick, with both faces on nodes, loses the nodes of one face. No link passes between
     two walls that touch in a point.
 
-    Parameters
-    ----------
-    window : Window
-    polygon : shapely geometry
-        The level.
-    walls : (w, 4) float64 [m]
-
-    Returns
-    -------
-    nodes : (nx, ny) bool
-    stands_for : (3, m) int64
-        Flat indices of an excluded node of the level, of the visible node beside it that represents it, and of the
-        next node in line, or again of the representing node if that one is excluded.
+    The latter are flat indices (3, m) of an excluded node of the level, of the visible node beside it that represents
+    it, and of the next node in line, or again of the representing node if that one is excluded. Walls are (w, 4) [m].
     """
     slack = SLACK * window.lattice.spacing
     grown = shapely.buffer(polygon, slack, join_style="mitre")

@@ -31,19 +31,10 @@ def grown(nodes: BoolArray, steps: int) -> BoolArray:
 
 
 def nearest_marked(nodes: BoolArray, wanted: BoolArray) -> tuple[IndexArray, IndexArray]:
-    """Return the marked node nearest to each wanted node.
+    """Return both indices (w,) of the node of a mask (nx, ny) that is nearest to each wanted node (nx, ny), in their
+    order.
 
-    Ties are resolved by the smallest second index, then by the smallest first index.
-
-    Parameters
-    ----------
-    nodes, wanted : (nx, ny) bool
-        At least one of `nodes` is marked.
-
-    Returns
-    -------
-    (w,) int64, (w,) int64
-        First and second indices of the nearest nodes, in the order of the wanted nodes.
+    Ties are resolved by the smallest second index, then by the smallest first index. At least one node is marked.
     """
     row, far = np.arange(len(nodes))[:, None], sum(nodes.shape)
     before = np.maximum.accumulate(np.where(nodes, row, -far), axis=0)

@@ -19,21 +19,12 @@ STRAIGHT = 0.05
 
 
 def free_rows(segments: FloatArray, ground: BaseGeometry, spacing: float, most: int) -> int:
-    """Return the number of rows of nodes that fit behind all of an exit; 0 if it is less than `LEAST_ROWS`.
+    """Return the number of rows of nodes that fit behind all of an exit, at most `most`; 0 if it is less than
+    `LEAST_ROWS`.
 
-    The space behind an exit may be limited by ground of the same level, a strip of another exit, or another part of
-    the same exit, such as a balcony behind a door, or the opposite side of a hatch whose four sides are one exit.
-
-    Parameters
-    ----------
-    segments : (s, 4) float64
-        Segments of the exit, with the level on their left [m].
-    ground : shapely geometry
-        Ground that the strip must not overlap.
-    spacing : float
-        Distance between rows [m].
-    most : int
-        Requested number of rows.
+    The space behind an exit may be limited by ground of the same level, a strip of another exit, or another part of the
+    same exit, such as a balcony behind a door, or the opposite side of a hatch whose four sides are one exit. Its
+    segments (s, 4) have the level on their left; rows are `spacing` apart [m].
     """
     place, outward = points_along(segments, 0.5 * spacing)
     depth = spacing * np.arange(1, most + 1)
