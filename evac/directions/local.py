@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IndexArray, IntArray
 from evac.base.saved import Saved, part_of, taken
-from evac.directions.column import Column
 from evac.directions.density import Kernels, at_nodes_of, gain_of
 from evac.directions.fields import Fields, columns_of
 from evac.directions.gates import Gates
 from evac.directions.quickest import Settings
+from evac.directions.routefield import RouteField
 
 #: Strategies whose ways lead round the crowd: not shortest ones, nor "quickest", whose ways do so everywhere.
 STRATEGIES = ("fastest", "comfortable")
@@ -47,7 +47,7 @@ class LocalWays(Saved):
         self._grids = fields.grids[0].grids
         self._kernels = Kernels(self._grids, fields.packed, settings.width)
         self._floors = {level.index for level in self._grids.building.levels if level.kind == "floor"}
-        self._columns: dict[int, Column] = {}
+        self._columns: dict[int, RouteField] = {}
         self._solved: dict[int, set[int]] = {}  # by column, the levels with speeds other than those without a crowd
         self._density: dict[int, FloatArray] = {}
         self._smoke: FloatArray | None = None
@@ -102,13 +102,13 @@ class LocalWays(Saved):
         column.solve(changed, set(np.unique(occupied).tolist()), False)
         self._solved[number] = crowded
 
-    def _made(self, number: int) -> Column:
+    def _made(self, number: int) -> RouteField:
         """Return the column of this number, with the next link of each node."""
         packed, routes = self.fields.packed, len(self.fields.routes)
         lower = self._columns.get(number - routes)
         grids = self._grids
         base = self._clear if self._smoke is None else self.fields
-        column = Column(base, packed.travel_time, packed.direction, number, Gates(grids), 0.0, lower)
+        column = RouteField(base, packed.travel_time, packed.direction, number, Gates(grids), 0.0, lower)
         if self._smoke is not None:
             for level in range(len(grids.levels)):
                 column.take_smoke(level, self._smoke)

@@ -9,8 +9,8 @@ relative speed of Weidmann (1993),
 up to the density of the greatest flow, 1.75 per m2, and above it with that which keeps this flow. The density rho is
 the sum of Gauss kernels of people, divided by the share of the kernel that lies on the floor, and averaged over time.
 Before exits, portals and doors people are also no faster than these are passed (`gates.py`). A level is solved again
-only if the speeds have changed on it, or if its ways lead through a level that is (`column.py`), without the rooms that
-no way leads through while nobody is in them (`pockets.py`).
+only if the speeds have changed on it, or if its ways lead through a level that is (`routefield.py`), without the rooms
+that no way leads through while nobody is in them (`pockets.py`).
 """
 
 import time
@@ -20,10 +20,10 @@ import numpy as np
 
 from evac.base.arrays import FloatArray, IndexArray, IntArray
 from evac.base.saved import Bounds, Saved
-from evac.directions.column import Column
 from evac.directions.density import Kernels, at_nodes_of, gain_of
 from evac.directions.fields import Fields, columns_of
 from evac.directions.gates import Gates
+from evac.directions.routefield import RouteField
 from evac.directions.routes import QUICKEST
 
 
@@ -53,12 +53,14 @@ class Quickest(Saved):
         self._grids = grids = fields.grids[0].grids
         self._kernels = Kernels(grids, own, settings.width)
         self._gates = Gates(grids)
-        self.columns: dict[int, Column] = {}
+        self.columns: dict[int, RouteField] = {}
         routes = len(fields.routes)
         for number in range(len(fields.grids) * routes):
             if fields.routes[number % routes].strategy == QUICKEST:
                 lower = self.columns.get(number - routes)
-                column = Column(fields, own.travel_time, own.direction, number, self._gates, settings.hesitation, lower)
+                column = RouteField(
+                    fields, own.travel_time, own.direction, number, self._gates, settings.hesitation, lower
+                )
                 column.write(set(range(len(grids.levels))))
                 self.columns[number] = column
         #: For each column of people: the next gate (nodes,) on their way, and the time to it.
@@ -121,7 +123,9 @@ class Quickest(Saved):
         for number in np.unique(columns).tolist():
             if number not in self._ways:
                 fields = self.clear
-                waves = Column(fields, fields.packed.travel_time, fields.packed.direction, number, self._gates).waves
+                waves = RouteField(
+                    fields, fields.packed.travel_time, fields.packed.direction, number, self._gates
+                ).waves
                 self._ways[number] = waves.gate, waves.walk
             rows = columns == number
             gate[rows], walk[rows] = (values[nodes[rows]] for values in self._ways[number])

@@ -1,8 +1,8 @@
 """Routes that are solved again with the speeds that smoke leaves, whatever their strategy.
 
-Until smoke is first noticed, directions are those of the building. Then each route has a `Column`, as those that follow
-the crowd have, whose slowness is divided by the share of the speed at each node. A level is solved again if the share
-has changed on it, or if its ways lead through a level that is.
+Until smoke is first noticed, directions are those of the building. Then each route has a `RouteField`, as those that
+follow the crowd have, whose slowness is divided by the share of the speed at each node. A level is solved again if the
+share has changed on it, or if its ways lead through a level that is.
 """
 
 from collections.abc import Set
@@ -11,11 +11,11 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.saved import Bounds, Saved
-from evac.directions.column import Column
 from evac.directions.fields import Fields
 from evac.directions.gates import Gates
 from evac.directions.local import LocalWays
 from evac.directions.quickest import Quickest
+from evac.directions.routefield import RouteField
 
 #: Least share of the speed, so that travel times remain finite.
 LEAST_SHARE = 1e-5
@@ -38,13 +38,13 @@ class Smoky(Saved):
         self._grids = grids = fields.grids[0].grids
         self.share, self._local = np.ones(grids.size), local
         self._followers = {} if quickest is None else quickest.columns
-        self._columns: dict[int, Column] = {}
+        self._columns: dict[int, RouteField] = {}
         routes = len(fields.routes)
         for number in range(len(fields.grids) * routes):
             if number not in self._followers:
                 lower = self._columns.get(number - routes)
                 packed = self.fields.packed
-                column = Column(clear, packed.travel_time, packed.direction, number, Gates(grids), 0.0, lower)
+                column = RouteField(clear, packed.travel_time, packed.direction, number, Gates(grids), 0.0, lower)
                 self._columns[number] = column
 
     def solve(self, levels: Set[int], share: FloatArray) -> int:

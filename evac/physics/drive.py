@@ -98,12 +98,13 @@ def set_desired(world, bodies):
 def drive(state):
     """Set ``bodies.free``, the velocity after the sub-step without contacts; return the largest speed [m/s].
 
-    Integrates eq. 33 by explicit Euler as in the paper, or by the exact solution of its linear term with
-    constant forces during the step. Before its response time, the desired velocity of a person is zero.
+    Integrates eq. 33 by explicit Euler as in the paper, or by the exact solution of its linear term with constant
+    forces during the step; without inertia, the velocity is the steady one, v e_d + tau f / m. Before its response
+    time, the desired velocity of a person is zero.
     """
     world, bodies = state.world, state.bodies
-    time, h, explicit = state.clock.time, state.clock.h, state.clock.explicit
-    if not explicit and bodies.relaxation_step != h:
+    time, h, explicit, overdamped = state.clock.time, state.clock.h, state.clock.explicit, state.traits.overdamped
+    if not explicit and not overdamped and bodies.relaxation_step != h:
         for i in range(bodies.inside):
             bodies.relaxation[i] = -math.expm1(-h / bodies.tau[i])
     fastest = 0.0
@@ -119,36 +120,20 @@ def drive(state):
             vy = speed * ey
         ux, uy = bodies.velocity[i, 0], bodies.velocity[i, 1]
         tau = bodies.tau[i]
-        if explicit:
-            share = h / tau
-            weight = h * bodies.inverse_mass[i]
+        if overdamped:
+            ux, uy = 0.0, 0.0
+            fx = tau / bodies.mass[i] * bodies.push[i, 0] + vx
+            fy = tau / bodies.mass[i] * bodies.push[i, 1] + vy
         else:
-            share = bodies.relaxation[i]
-            weight = tau * share * bodies.inverse_mass[i]
-        fx = ux + share * (vx - ux) + weight * bodies.push[i, 0]
-        fy = uy + share * (vy - uy) + weight * bodies.push[i, 1]
+            if explicit:
+                share = h / tau
+                weight = h * bodies.inverse_mass[i]
+            else:
+                share = bodies.relaxation[i]
+                weight = tau * share * bodies.inverse_mass[i]
+            fx = ux + share * (vx - ux) + weight * bodies.push[i, 0]
+            fy = uy + share * (vy - uy) + weight * bodies.push[i, 1]
         bodies.free[i, 0] = fx
         bodies.free[i, 1] = fy
         fastest = max(fastest, fx * fx + fy * fy, ux * ux + uy * uy)
-    return math.sqrt(fastest)
-
-
-@inner
-def drive_overdamped(state):
-    """Set ``bodies.free`` to the steady velocity of eq. 33, v e_d + tau f / m; return the largest speed [m/s]."""
-    world, bodies, time = state.world, state.bodies, state.clock.time
-    fastest = 0.0
-    for i in range(bodies.inside):
-        if bodies.level[i] < 0:
-            continue
-        vx = bodies.tau[i] / bodies.mass[i] * bodies.push[i, 0]
-        vy = bodies.tau[i] / bodies.mass[i] * bodies.push[i, 1]
-        if time >= bodies.start_time[i]:
-            ex, ey = bodies.desired[i, 0], bodies.desired[i, 1]
-            speed = desired_speed(world, bodies, i, ex, ey)
-            vx += speed * ex
-            vy += speed * ey
-        bodies.free[i, 0] = vx
-        bodies.free[i, 1] = vy
-        fastest = max(fastest, vx * vx + vy * vy)
     return math.sqrt(fastest)

@@ -22,7 +22,7 @@ from evac.physics.contact.contacts import (
 from evac.physics.contact.memory import call_memory, mark_start
 from evac.physics.contact.neighbours import build_lists
 from evac.physics.contact.overlaps import call_separate
-from evac.physics.drive import drive, drive_overdamped, set_desired
+from evac.physics.drive import drive, set_desired
 from evac.physics.extent import extent
 from evac.physics.force import call_add_forces
 from evac.physics.motion import add_contact_work, move, save_bodies
@@ -148,7 +148,7 @@ def prepare_step(state: State) -> int:
             status = call_add_forces(state.parts.body_forces, state)
         if status != OK:
             return status
-    fastest = drive_overdamped(state) if traits.overdamped else drive(state)
+    fastest = drive(state)
     bodies.relaxation_step = h
     bodies.fastest = fastest
     state.tally[at.GREATEST_SPEED] = max(state.tally[at.GREATEST_SPEED], fastest)

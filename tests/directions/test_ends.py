@@ -9,8 +9,8 @@ import shapely
 from evac.building.model.building import Area, Jump
 from evac.building.model.links import isolated_parts, levels_reaching
 from evac.directions.build import build_fields
-from evac.directions.column import Column
 from evac.directions.gates import Gates
+from evac.directions.routefield import RouteField
 from evac.directions.routes import Route
 from tests.directions.walks import positions_on
 
@@ -21,7 +21,7 @@ def solved(building, route=ANY, **settings):
     """Return the fields of a building by scikit-fmm, and as the compiled march solves them."""
     fields = build_fields(building, [route], spacing=SPACING, **settings)
     packed = fields.packed.replace(travel_time=fields.packed.travel_time.copy())
-    column = Column(fields, packed.travel_time, packed.direction.copy(), 0, Gates(fields.grids[0].grids))
+    column = RouteField(fields, packed.travel_time, packed.direction.copy(), 0, Gates(fields.grids[0].grids))
     column.write({*range(len(building.levels))})
     return fields, replace(fields, packed=packed)
 
@@ -119,7 +119,7 @@ def test_a_level_that_is_solved_alone_takes_the_times_beyond_its_jump(storeys):
 
     def column():
         time, direction = fields.packed.travel_time.copy(), fields.packed.direction.copy()
-        return Column(fields, time, direction, 0, Gates(fields.grids[0].grids))
+        return RouteField(fields, time, direction, 0, Gates(fields.grids[0].grids))
 
     alone, together = column(), column()
     density = np.where(alone.waves.level_of == 2, 3.0, 0.0)

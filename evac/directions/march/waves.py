@@ -25,7 +25,7 @@ UNNOTICED = 0.05
 ROUNDING = 1e-9
 
 
-class Waves(Struct):
+class MarchState(Struct):
     """A march through the nodes of all levels: the level of each, what it represents, and its time so far."""
 
     level_of: Ints  # (nodes,)
@@ -109,7 +109,7 @@ def find_speeds(
     stop: int,
     density: Floats,
     floor: float,
-    waves: Waves,
+    waves: MarchState,
     queues: FloatGrid,
     step: float,
     former: Floats,
@@ -152,7 +152,7 @@ def find_queues(people: FloatGrid, capacity: Floats, step: float, queues: FloatG
 
 
 @inner
-def rise(waves: Waves, k: int, node: int, time: float) -> None:
+def rise(waves: MarchState, k: int, node: int, time: float) -> None:
     """Put a node at place k of the queue, or nearer to its front."""
     while k > 0:
         above = (k - 1) // 2
@@ -165,7 +165,7 @@ def rise(waves: Waves, k: int, node: int, time: float) -> None:
 
 
 @inner
-def take_first(waves: Waves, size: int) -> int:
+def take_first(waves: MarchState, size: int) -> int:
     """Take the node at the front of a queue, of which `size` are left; return it."""
     first, node, time = waves.heap[0], waves.heap[size], waves.key[size]
     k, below = 0, 1
@@ -182,7 +182,7 @@ def take_first(waves: Waves, size: int) -> int:
 
 
 @inner
-def time_from(waves: Waves, node: int, other: int) -> float:
+def time_from(waves: MarchState, node: int, other: int) -> float:
     """Return the time at a final neighbour, and the hesitation if the way would end at another exit than before."""
     here, there = waves.former[node], waves.exit[other]
     time: float = waves.time[other]
@@ -192,7 +192,7 @@ def time_from(waves: Waves, node: int, other: int) -> float:
 
 
 @inner
-def lower_side(waves: Waves, node: int, step: int) -> tuple[int, int, float]:
+def lower_side(waves: MarchState, node: int, step: int) -> tuple[int, int, float]:
     """Return the lower final neighbour of a node along an axis (-1 for none), the step to it, and its time."""
     found, way, least = -1, step, math.inf
     for sign in (-1, 1):
@@ -205,7 +205,7 @@ def lower_side(waves: Waves, node: int, step: int) -> tuple[int, int, float]:
 
 
 @inner
-def upwind(waves: Waves, node: int, way: int, time: float) -> tuple[float, float]:
+def upwind(waves: MarchState, node: int, way: int, time: float) -> tuple[float, float]:
     """Return weight and time of an upwind difference: a (T - t)^2 is the squared increase along an axis.
 
     It is of second order if the next node but one is final and lower.
@@ -219,7 +219,7 @@ def upwind(waves: Waves, node: int, way: int, time: float) -> tuple[float, float
 
 
 @inner
-def slowness_at(waves: Waves, node: int, one: int, way_one: int, two: int, way_two: int) -> float:
+def slowness_at(waves: MarchState, node: int, one: int, way_one: int, two: int, way_two: int) -> float:
     """Return the time per metre at a node, whose way leads towards its lower neighbours."""
     level = waves.level_of[node]
     up_x, up_y = waves.uphill[level, 0], waves.uphill[level, 1]
@@ -236,7 +236,7 @@ def slowness_at(waves: Waves, node: int, one: int, way_one: int, two: int, way_t
 
 
 @inner
-def solve_at(waves: Waves, node: int) -> tuple[float, int]:
+def solve_at(waves: MarchState, node: int) -> tuple[float, int]:
     """Return the time at a node that follows from its final neighbours, and the lowest of them."""
     one, way_one, time_one = lower_side(waves, node, waves.stride[waves.level_of[node]])
     two, way_two, time_two = lower_side(waves, node, 1)
@@ -262,7 +262,7 @@ def solve_at(waves: Waves, node: int) -> tuple[float, int]:
 
 
 @inner
-def offer(waves: Waves, node: int, time: float, near: int, size: int) -> int:
+def offer(waves: MarchState, node: int, time: float, near: int, size: int) -> int:
     """Give a node that is not final a time if it is lower than its own; return the length of the queue."""
     if time < waves.time[node]:
         waves.time[node] = time
@@ -277,7 +277,7 @@ def offer(waves: Waves, node: int, time: float, near: int, size: int) -> int:
 
 
 @inner
-def jump_from(waves: Waves, node: int, level: Bytes, lowered: Bytes, size: int) -> int:
+def jump_from(waves: MarchState, node: int, level: Bytes, lowered: Bytes, size: int) -> int:
     """Let the time of a node go on by the jumps that end there; return the length of the queue."""
     k = waves.first_jump[node]
     while 0 <= k < waves.jump_end.shape[0] and waves.jump_end[k] == node:
@@ -292,7 +292,7 @@ def jump_from(waves: Waves, node: int, level: Bytes, lowered: Bytes, size: int) 
 
 
 @kernel
-def march_waves(waves: Waves, level: Bytes, needed: Bytes, missing: int, least: float, lowered: Bytes) -> None:
+def march_waves(waves: MarchState, level: Bytes, needed: Bytes, missing: int, least: float, lowered: Bytes) -> None:
     """March through some levels, from the nodes that are final, until the times on all needed levels are known.
 
     Nodes that are to be solved are FAR with an infinite time; all nodes of levels that are not marked in `level`

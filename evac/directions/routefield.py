@@ -15,7 +15,7 @@ from evac.directions.descent import Ways, descend
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.gates import STEP, Gates
 from evac.directions.lengths import ends_of_route, exits_of_route, make_ways, routes_at_present, strips_of
-from evac.directions.march.waves import APART, FAR, FINAL, Waves, find_speeds, march_waves
+from evac.directions.march.waves import APART, FAR, FINAL, MarchState, find_speeds, march_waves
 from evac.directions.pockets import Pockets
 from evac.directions.raster.grids import OWN, BuildingGrids, lead_through_doors
 from evac.directions.raster.masks import grown, nearest_marked
@@ -28,7 +28,7 @@ NOTICED = 0.1
 SAVED = ("time", "exit", "gate", "walk", "former", "leans")
 
 
-class Column(Saved):
+class RouteField(Saved):
     """The travel times and directions of a route, for a class of bodies; at first those of the empty building.
 
     They are the column `number` of all travel times (nodes,) and directions (nodes, 2), which `write` changes. The way
@@ -45,7 +45,7 @@ class Column(Saved):
         number: int,
         gates: Gates,
         hesitation: float = 0.0,
-        lower: "Column | None" = None,
+        lower: "RouteField | None" = None,
     ) -> None:
         marched = fields.marched
         assert marched is not None
@@ -143,7 +143,7 @@ class Column(Saved):
         starts: BoolArray,
         time: FloatArray,
         hesitation: float,
-    ) -> Waves:
+    ) -> MarchState:
         """Return waves whose times are known at the nodes that join."""
         grids = self._grids
         nodes = np.flatnonzero(self._solved)
@@ -153,7 +153,7 @@ class Column(Saved):
                 is_border |= (beside >= 0) & (starts[beside] | (ways.level_of[beside] != ways.level_of[nodes]))
         source, twin = _one_way(grids, ways.source, ways.twin)
         nobody = np.full(grids.size, -1, np.int32)
-        return Waves(
+        return MarchState(
             level_of=ways.level_of,
             border=nodes[is_border],
             source=source,
@@ -428,7 +428,7 @@ def _strips_and_starts(
 
 
 def _jumps(grids: BuildingGrids, slowness: FloatArray) -> dict[str, NDArray[Any]]:
-    """Return the arrays of jumps of `Waves`: from the node at the end of each to the nodes around its start."""
+    """Return the arrays of jumps of `MarchState`: from the node at the end of each to the nodes around its start."""
     rows = []
     for jump, area, end in grids.jumps():
         nodes, away = grids.around(area)
@@ -445,7 +445,7 @@ def _jumps(grids: BuildingGrids, slowness: FloatArray) -> dict[str, NDArray[Any]
     }
 
 
-def _start_at_exits(waves: Waves, grids: BuildingGrids, exits: list[Exit], starts: BoolArray) -> None:
+def _start_at_exits(waves: MarchState, grids: BuildingGrids, exits: list[Exit], starts: BoolArray) -> None:
     """Give the nodes (nodes,) where a march starts the nearest exit of their level, and its gate."""
     for grid in grids.levels:
         nodes = np.flatnonzero(starts[grid.packed])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from evac.directions.build import build_fields
-from evac.directions.column import Column
 from evac.directions.gates import Gates
 from evac.directions.march.waves import time_from
+from evac.directions.routefield import RouteField
 from evac.directions.routes import Route
 
 LEVELS = {0, 1, 2}
@@ -16,7 +16,7 @@ LEVELS = {0, 1, 2}
 def make_column(row):
     fields = build_fields(row, [Route((), "quickest")], speeds=(1.0, 0.5, 0.5))
     time, direction = fields.packed.travel_time, fields.packed.direction
-    return lambda: Column(fields, time.copy(), direction.copy(), 0, Gates(fields.grids[0].grids))
+    return lambda: RouteField(fields, time.copy(), direction.copy(), 0, Gates(fields.grids[0].grids))
 
 
 def density_on(column, row, levels):
