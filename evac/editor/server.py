@@ -3,6 +3,7 @@
 import json
 import queue
 import secrets
+import sys
 import tempfile
 import threading
 import time
@@ -72,6 +73,11 @@ class Server(ThreadingHTTPServer):
                 way.write_text(f'<!doctype html><meta http-equiv="refresh" content="0; url={self.address}">')
                 webbrowser.open(way.as_uri())
             self.serve_forever()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Tell errors, but not that a page was closed before it had its answer."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
 
     def server_close(self) -> None:
         """End the session as well."""

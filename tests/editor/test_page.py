@@ -231,6 +231,19 @@ def test_lengths_are_typed(page):
     assert page.row("rooms", "shop")["polygon"] == [[8.2, 0], [14.2, 0], [14.2, 8], [8.2, 8]]
 
 
+def test_what_is_being_typed_stays(page):
+    page.click((11, 5))
+    page.type("Use", "shop")
+    page.run("editor.store.commit(editor.store.now.put({ section: 'storeys', index: 0 }, 'wall', 0.2))")
+    page.keys("i")
+    page.browser.send("Input.insertText", {"text": "corner "})
+    page.judged()
+    page.browser.send("Input.insertText", {"text": "shop"})
+    page.click((4, 7))
+    assert page.text("#inspector h2") == "Room hall"
+    assert page.row("rooms", "corner shop")["use"] == "shop"
+
+
 def test_everything_is_done_by_the_keyboard(page):
     page.run("editor.view.canvas.focus()")
     page.run("editor.tools.at = [14.2, 0]")

@@ -13,6 +13,13 @@ const FIELDS = {
 };
 const node = (tag, text = "", values = {}) => Object.assign(document.createElement(tag), { textContent: text }, values);
 
+// Gives a box other content; what is at the place of what had the focus has it then.
+function refill(box, content) {
+  const all = () => [...box.querySelectorAll("button, input, select")], at = all().indexOf(document.activeElement);
+  box.replaceChildren(...content);
+  if (at >= 0) all()[at]?.focus();
+}
+
 class Inspector {
   constructor(store, view, act) { Object.assign(this, { store, view, act }); }
 
@@ -36,9 +43,7 @@ class Inspector {
 
   show(selected) {
     const box = by("inspector"), storey = this.table.storey(this.view.storey);
-    if (box.contains(document.activeElement) && document.activeElement.matches("input") && selected && this.shown === JSON.stringify(selected) && this.isTyping) return;
     const index = this.table.rows("storeys").indexOf(storey), ref = selected ?? { section: "storeys", index }, row = this.table.row(ref);
-    this.shown = JSON.stringify(selected);
     if (!row) return box.replaceChildren(node("h2", "Nothing is selected"));
     const { section } = ref, isGround = ref.part !== undefined, what = selected ? singular(section) : "storey", commit = (next) => this.store.commit(next);
     const set = (key) => (value) => commit(this.table.put(ref, key, value)), parts = [node("h2", `${capital(what)} ${row.name ?? ""}`)];
@@ -48,7 +53,7 @@ class Inspector {
     const actions = node("div", "", { className: "actions" });
     if (selected && !isGround) actions.append(this.button("Duplicate", "Ctrl+D", this.act.duplicate));
     if (selected || this.table.storeys.length > 1) actions.append(this.button("Delete", "Delete", this.act.remove));
-    box.replaceChildren(...parts, actions);
+    refill(box, [...parts, actions]);
   }
 
   button(text, title, action) {
@@ -95,7 +100,7 @@ class Inspector {
   }
 
   showStoreys() {
-    by("storeys").replaceChildren(...this.table.storeys.map(({ name, z, like }) => {
+    refill(by("storeys"), this.table.storeys.map(({ name, z, like }) => {
       const button = this.button(name, "Page up, Page down", () => this.act.goTo(name)), item = document.createElement("li");
       button.append(node("small", `${(z ?? 0).toFixed(2)} m${like ? `, like ${like}` : ""}`));
       button.setAttribute("aria-pressed", name === this.view.storey);
@@ -107,7 +112,7 @@ class Inspector {
   showFindings(findings) {
     const told = findings.filter(({ number }) => number);
     by("count").textContent = told.length || "none";
-    by("findings").replaceChildren(...told.map((one) => {
+    refill(by("findings"), told.map((one) => {
       const item = document.createElement("li"), more = one.others.length ? ` (and ${one.others.length} more like this)` : "", where = one.storey ?? one.level;
       const button = this.button(`${one.number} ${one.kind}: ${one.text}${more}`, "", () => this.act.goToFinding(one));
       button.className = one.kind;

@@ -225,7 +225,7 @@ async function start() {
     by("verdict").className = errors ? "error" : "";
     by("verdict").title = `judged in ${seconds} s`;
     by("verdict").dataset.revision = revision;
-    if (revision === store.revision) inspector.show(view.selected);
+    if (!by("inspector").contains(document.activeElement)) inspector.show(view.selected);  // Else something is being typed.
     view.draw();
   }
 
@@ -267,7 +267,7 @@ async function start() {
     if (isTyped || isControl || event.altKey) return;
     if (event.target === view.canvas && tools.key(event)) return event.preventDefault();
     const tool = Object.keys(TOOLS).find((name) => TOOLS[name].key === key);
-    const other = { n: () => act.next(event.shiftKey ? -1 : 1), c: act.nextPart, i: () => by("inspector").querySelector("input")?.focus(), delete: act.remove, backspace: act.remove, pageup: () => act.climb(1), pagedown: () => act.climb(-1), 3: () => showView(by("view3d").hidden), f: fit, "+": () => view.zoomAt(1.25, [view.x, view.y]), "-": () => view.zoomAt(0.8, [view.x, view.y]), t: act.theme, "?": actions["show-help"], escape: () => { if (tools.points.length || tools.tool === "select") tools.cancel(); else tools.choose("select"); act.select(null); view.canvas.focus(); } }[key];
+    const other = { n: () => act.next(event.shiftKey ? -1 : 1), c: act.nextPart, i: () => by("inspector").querySelector("input")?.select(), delete: act.remove, backspace: act.remove, pageup: () => act.climb(1), pagedown: () => act.climb(-1), 3: () => showView(by("view3d").hidden), f: fit, "+": () => view.zoomAt(1.25, [view.x, view.y]), "-": () => view.zoomAt(0.8, [view.x, view.y]), t: act.theme, "?": actions["show-help"], escape: () => { if (tools.points.length || tools.tool === "select") tools.cancel(); else tools.choose("select"); act.select(null); view.canvas.focus(); } }[key];
     if (!tool && !other) return;
     event.preventDefault();
     if (tool) { tools.choose(tool); view.canvas.focus(); } else other();

@@ -38,9 +38,13 @@ function mapRings(shape, change) {
   return coordinates === shape.coordinates ? shape : { ...shape, coordinates };
 }
 
+const known = new WeakMap();  // The rings of rows, which never change.
+
 function ringsOf(row) {
+  if (known.has(row)) return known.get(row);
   const rings = [];
   for (const key of SHAPES) if (row[key] && !isTie(row[key])) mapRings(row[key], (ring) => { rings.push(ring); return ring; });
+  known.set(row, rings);
   return rings;
 }
 
@@ -84,7 +88,13 @@ function isBeside([a, b], other) {
 }
 
 class Table {
-  constructor(content) { this.content = content; }
+  constructor(content) { Object.assign(this, { content, found: new Map() }); }
+
+  // What `find` returns, which is looked for once: a table never changes.
+  once(what, find) {
+    if (!this.found.has(what)) this.found.set(what, find());
+    return this.found.get(what);
+  }
 
   rows(section) { return this.content[section] ?? []; }
   row({ section, index }) { return this.rows(section)[index]; }
@@ -100,7 +110,9 @@ class Table {
   }
 
   // What is drawn on a storey: its own rows, and its ground.
-  on(name) {
+  on(name) { return this.once(`on ${name}`, () => this.findOn(name)); }
+
+  findOn(name) {
     const index = this.rows("storeys").findIndex((one) => one.name === name);
     const ground = index < 0 ? [] : ringsOf(this.rows("storeys")[index]).map((_, part) => ({ section: "storeys", index, part }));
     return [...DRAWN.flatMap((section) => this.rows(section).map((row, at) => ({ section, index: at, row }))
@@ -111,7 +123,7 @@ class Table {
 
   // The faces of all walls of a storey: sides of rooms and of its ground.
   walls(name) {
-    return this.on(name).filter(({ section }) => section === "rooms" || section === "storeys").flatMap((ref) => this.rings(ref).flatMap(sidesOf2));
+    return this.once(`walls ${name}`, () => this.on(name).filter(({ section }) => section === "rooms" || section === "storeys").flatMap((ref) => this.rings(ref).flatMap(sidesOf2)));
   }
 
   with(changes) { return new Table({ ...this.content, ...changes }); }
@@ -195,7 +207,8 @@ class Table {
   // A wall is moved with both of its faces, and with the doors and exits on it.
   moveWall(name, side, by) {
     const walls = this.walls(name), faces = [side];
-    for (const face of faces) for (const wall of walls) if (!faces.includes(wall) && isBeside(wall, face)) faces.push(wall);
+    const taken = new Set(faces);
+    for (const face of faces) for (const wall of walls) if (!taken.has(wall) && isBeside(wall, face)) faces.push(wall) && taken.add(wall);
     const next = this.moveCorners(name, new Set(faces.flat().map(keyOf)), by);
     return next.mapRows((row) => row.storey !== name ? row : moved(row, (corner) => plus(corner, by), (number) => faces.some((face) => isBeside(ringsOf(row)[number], face))), ON_WALLS);
   }

@@ -22,6 +22,7 @@ class Tools {
     Object.assign(this, { store, view, act, tool: "select", points: [], typed: "", at: [0, 0], lines: [], drag: null, measured: null, isByKeys: false });
     const { canvas } = view, place = ({ offsetX, offsetY }) => view.place(offsetX, offsetY);
     canvas.addEventListener("pointerdown", (event) => {
+      canvas.focus();  // What was typed elsewhere is taken before something else is selected.
       canvas.setPointerCapture(event.pointerId);
       this.isByKeys = false;
       this.press(place(event), event);
