@@ -13,9 +13,8 @@ from evac.base.arrays import FloatArray
 from evac.building.geometry import cut, united
 from evac.building.plan.outlines import normal
 from evac.building.recover.bodies.body import LEVEL, Body, closed, in_plan
+from evac.building.surface.foreign import LEAST_RISER, MOST_RISER
 
-#: Range of the riser, the difference in height of consecutive treads [m].
-LEAST_RISER, MOST_RISER = 0.05, 0.25
 #: Largest gap in plan between consecutive treads [m].
 APART = 0.1
 #: Minimum area [m2] and depth [m] of a tread.
