@@ -58,6 +58,8 @@ FILLS = re.compile(rb"=\s*IFCRELFILLSELEMENT\s*\([^;]*?#(\d+)\s*,\s*#(\d+)\s*\)\
 #: The direction of true north in plan, of the model's context.
 CONTEXT = re.compile(rb"=\s*IFCGEOMETRICREPRESENTATIONCONTEXT\s*\([^;]*,\s*#(\d+)\s*\)\s*;")
 DIRECTION = rb"#%d\s*=\s*IFCDIRECTION\s*\(\s*\(\s*([^,;]+),\s*([^,;)]+)"
+#: Names of spaces that enclose stairs.
+STAIRWELL = re.compile("stair|trepp|escal|scala")
 #: Longest name that is used unchanged.
 LONGEST = 30
 #: Largest size of a file in an archive.
@@ -203,9 +205,10 @@ def _label(number: int, element: Mapping[str, Any]) -> str:
 
 
 def _use(element: Mapping[str, Any]) -> str:
-    """Return the use of a space: the words of its long name, or of its name."""
+    """Return the use of a space: the words of its long name, or of its name; nobody starts in stairwells."""
     words = re.findall(r"[^\W\d_]{3,}", _attribute(element, "LongName") or _text(element["name"]))
-    return " ".join(words).lower() or "room"
+    use = " ".join(words).lower() or "room"
+    return "stair" if STAIRWELL.search(use) else use
 
 
 def _attribute(element: Mapping[str, Any], name: str) -> str:
