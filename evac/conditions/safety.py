@@ -277,6 +277,11 @@ class Safety(Saved):
 
     def _when(self, cells: IndexArray, target: FloatArray) -> FloatArray:
         """Return when the doses in cells (n,), of those who stay there from the start, reach targets (2, n) [s]."""
+        when = np.full(len(cells), np.inf)
+        ever = np.flatnonzero((self._doses[-1][:, cells] >= target).any(axis=0))
+        if len(self._doses) == 1 or not len(ever):
+            return when
+        cells, target = cells[ever], target[:, ever]
         low, high = np.zeros(target.shape, np.intp), np.full(target.shape, len(self._doses))
         kind = np.arange(2)[:, None]
         while (low < high).any():
@@ -284,12 +289,10 @@ class Safety(Saved):
             reached = self._doses[middle, kind, cells] >= target
             low, high = np.where(reached | (low == high), low, middle + 1), np.where(reached, middle, high)
         last = np.clip(low, 1, max(len(self._doses) - 1, 1))
-        if len(self._doses) == 1:
-            return np.full(len(cells), np.inf)
         before, after = self._doses[last - 1, kind, cells], self._doses[last, kind, cells]
         share = np.divide(target - before, after - before, out=np.zeros(target.shape), where=after > before)
         times = self._times[last - 1] + np.clip(share, 0.0, 1.0) * (self._times[last] - self._times[last - 1])
-        when: FloatArray = np.where(low == len(self._doses), np.inf, np.where(low == 0, 0.0, times)).min(axis=0)
+        when[ever] = np.where(low == len(self._doses), np.inf, np.where(low == 0, 0.0, times)).min(axis=0)
         return when
 
     def look(self, time: float, arrived: BoolArray, doses: FloatArray | None) -> None:
