@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.phases import told
 from evac.building.model.elevation import gradients, in_space
 from evac.trajectory.trajectory import Trajectory
 
@@ -99,7 +100,7 @@ def records(
     measuring = Measuring(trajectory.number_of_people, waiting_speed)
     chosen = trajectory.rows if frames is None else [trajectory.rows[k] for k in frames.tolist()]
     gradient, parts, count = gradients(trajectory.building), list[Records](), 0
-    for number, now in enumerate(chosen):
+    for number, now in enumerate(told("measuring", chosen, len(chosen))):
         person, level, motion = now.person.astype(np.int32), now.level.astype(np.int32), now.motion.astype(np.float64)
         speed = np.linalg.norm(in_space(gradient, level, motion[:, 2:4]), axis=1)
         after, target = np.full((len(person), 2), np.nan), np.full(len(person), -1, np.int32)
