@@ -156,7 +156,7 @@ def test_findings_appear_while_one_draws_and_lead_to_their_place(page):
     page.run("document.querySelector('#findings .error').click()")
     assert page.run("editor.view.storey") == "ground"
     assert page.text("#inspector h2") == "Door door"
-    page.keys("z", modifiers=CONTROL)
+    page.type("Width", "1.1")
     page.judged()
     assert page.text("#verdict") == "Can be run"
 

@@ -66,7 +66,7 @@ class Inspector {
   sizes(ref, row) {
     const line = ON_WALLS.includes(ref.section) && this.view.lineOf(ref, row), found = [];
     const commit = (next) => this.store.commit(next);
-    if (line && isTie(row.segment)) {
+    if (isTie(row.segment)) {
       for (const [key, label] of [["width", "Width [m]"], ["at", "At [m]"]]) found.push(this.field(label, row.segment[key], NUMBER, (value) => { const { [key]: _, ...rest } = row.segment; commit(this.table.put(ref, "segment", value === undefined ? rest : { ...rest, [key]: value })); }));
       found.push(node("p", `On the wall of ${row.segment.rooms.join(" and ")}`));
     } else if (line) {
