@@ -168,6 +168,9 @@ def test_a_steep_shaft_beside_a_misspelt_key_is_told_with_its_key_and_a_length()
     table = table_of(plan)
     steep = ("shafts.shaft", "low", "length = 1.6")
     assert [(one.item, one.storey, one.remedy) for one in errors_of(table)] == [steep]
+    with pytest.raises(BuildingError) as caught:
+        plan.building(need_exit=False)
+    assert [level.name for level in caught.value.building.levels] == ["low", "high"]  # all that is right, to draw it
     table["areas"] = [{"name": "start", "storey": "low", "polgon": [[0, 3], [9, 3], [9, 6]]}]
     told = [(one.item, one.storey, one.remedy.partition(" = ")[0]) for one in errors_of(table)]
     assert told == [("areas.start", "low", "polygon"), ("shafts.shaft", "low", "length")]

@@ -1,5 +1,6 @@
 """The surface and the building of a plan, or all its errors in one pass, with remedies that have been tried out."""
 
+import copy
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -45,7 +46,11 @@ def build(plan: Plan, source: Path, options: BuildingOptions, *, need_exit: bool
     drawn = _Drawn(plan, source, options)
     building, errors = _built(drawn.drawing.plan, drawn.mesh, source, options, need_exit=need_exit)
     if building is None:
-        raise drawn.refused(errors)
+        wrong, rest = {error.item for error in errors}, copy.copy(plan)
+        for section in MENDED:
+            setattr(rest, section, [one for one in getattr(plan, section) if f"{section}.{one.name}" not in wrong])
+        left = Drawing(rest)
+        raise drawn.refused(errors, _built(left.plan, left.mesh(), source, drawn.options)[0])
     return building
 
 
