@@ -225,7 +225,7 @@ class _Solver:
         """Return the fields with gaps narrower than `barred` [m] as walls, and those narrower than `avoided` slow."""
         grids = build_grids(self.building, self.spacing, self.clearance, barred, self.shared)
         ways = [ends_of_route(grids.building, route) for route in self.routes]
-        factor, for_directions = _slowed(grids, _factor(grids, _nodes_in_gaps(grids, avoided)))
+        factor, for_directions = _slowed(grids, _factor(grids, avoided))
         bent = _bent(grids, self.clearance, for_directions) if self.clearance > 0.0 else None
         solved = _Solved(
             grids=grids,
@@ -390,21 +390,14 @@ def _joined(arrays: list[FloatArray], rest: tuple[int, ...]) -> FloatArray:
     return arrays[0] if len(arrays) == 1 else np.concatenate([np.zeros((0, *rest)), *arrays])
 
 
-def _nodes_in_gaps(grids: BuildingGrids, width: float) -> IndexArray:
-    """Return the nodes in gaps narrower than a width [m]."""
-    nodes = [np.zeros(0, np.int64)]
-    for grid in grids.levels if width > 0.0 else ():
-        gaps = gaps_below(grids.building.levels[grid.level].polygon, width)
-        nodes.append(grid.nodes_near(gaps, grids.lattice.spacing))
-    return np.concatenate(nodes)
-
-
-def _factor(grids: BuildingGrids, slow: IndexArray) -> FloatArray:
-    """Return the slowness factors (nodes,): `AVOID` at slow nodes, 1 elsewhere."""
-    if not len(slow):
+def _factor(grids: BuildingGrids, avoided: float) -> FloatArray:
+    """Return the slowness factors (nodes,): `AVOID` in gaps narrower than a width [m], 1 elsewhere."""
+    if avoided == 0.0:
         return np.broadcast_to(1.0, grids.size)  # takes no memory
     factor = np.ones(grids.size)
-    factor[slow] = AVOID
+    for grid in grids.levels:
+        gaps = gaps_below(grids.building.levels[grid.level].polygon, avoided)
+        factor[grid.nodes_near(gaps, grids.lattice.spacing)] = AVOID
     return factor
 
 
