@@ -301,12 +301,14 @@ def report_of(run):
         out = run.exit_times(way["name"])
         flow, ends = steady(out), [fixed(out[k], 1) for k in (0, -1)] if out else ["-", "-"]
         flows = [fixed(flow, 2), fixed(flow and flow / way["width"], 2)]
-        rows["Exits; the flow", way["name"]] = [len(out), *ends, fixed(way["width"], 2), *flows]
+        share = fixed(100.0 * len(out) / sum(len(run.exit_times(one["name"])) for one in run.building["exits"]), 1)
+        rows["Exits; the flow", way["name"]] = [len(out), share, *ends, fixed(way["width"], 2), *flows]
     inner = {level for levels in run.stairs.values() for level in levels}
     places = {level["name"]: {level["name"]} for level in run.levels if level["name"] not in inner} | run.stairs
     for name, levels in places.items():
         people, most, last = run.use_of(levels)
-        rows["Use, and time", name] = [people, most, fixed(last, 1, "not cleared" if people else "-")]
+        what = "Use of stairs" if name in run.stairs else "Use, and time"
+        rows[what, name] = [people, most, fixed(last, 1, "not cleared" if people else "-")]
     for (kind, name, direction), (passed, width) in run.passages.items():
         if kind != "exit":
             flow = steady(passed)
