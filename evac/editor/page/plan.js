@@ -164,7 +164,8 @@ class PlanView {
       this.path(rings);
       pen.fillStyle = look.floor;
       pen.fill("evenodd");
-      Object.assign(pen, { strokeStyle: look["wall-top"], lineWidth: Math.max(0.06, 2 / zoom), lineJoin: "round" });
+      if (!isFresh) continue;  // The outlines of rows are drawn below.
+      Object.assign(pen, { strokeStyle: look["wall-top"], lineWidth: Math.max(0.06, 2 / zoom) });
       pen.stroke();
     }
     for (const level of levels) {
