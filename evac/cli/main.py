@@ -92,6 +92,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             if isinstance(error, SystemExit) and arguments is None:
                 raise  # from argparse, which has printed the help or an error about the command line
             return _status_of(error)
+        finally:
+            shown_by.clear()
 
 
 def _status_of(error: BaseException) -> int:

@@ -92,13 +92,11 @@ def main_results(run: Results) -> dict[str, object]:
         **({"Last person out": _last(run)} if run.evacuated else {}),
         "Second opinion": hydraulic_answer(run),
         "Walking": f"{answer.movement}{_basis(run)}",
-        "People": str(run.number_of_people),
         **{f"At {place}": str(len(place.people)) for place in run.places},
         **{f"Note {number}": note for number, note in enumerate(run.notes, 1)},
         "End of the run": f"{run.ended}, after {run.time:.1f} s of simulated time ({run.steps} steps)",
         "Number of runs": f"1, with seed {run.seed}; a single run does not show the variation of times",
-        "Quality warnings": str(len(run.quality_warnings)),
-        "Warnings about building and people": str(len(run.warnings)),
+        "Warnings": f"{len(run.quality_warnings)} of quality, {len(run.warnings)} about building and people",
     }
 
 

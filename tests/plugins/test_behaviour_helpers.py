@@ -148,7 +148,12 @@ def test_who_cannot_be_reached_is_told_of():
     event = {"time": 1.0, "kind": "close", "target": "stairs"}
     open_case = ward().change({"simulation.no_progress": 5.0}).to_dict() | {"event": [event]}
     simulation, _, _ = run(evac.load(open_case))
-    assert simulation.results().notes == ("helpers: person 0 was not fetched",)
+    notes = simulation.results().notes
+    assert "helpers: person 0 was not fetched" in notes
+    assert [note.partition(":")[0] for note in notes if "'stairs' closed at 1 s" in note] == [
+        "people.patients",
+        "people.staff",
+    ]
 
 
 def test_a_run_goes_on_to_the_same_bits():

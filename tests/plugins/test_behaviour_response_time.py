@@ -29,7 +29,7 @@ def scene(*groups, positions=None, levels=0, areas=AREAS, seed=1):
         group=np.repeat(np.arange(len(groups), dtype=np.int32), [number for _, number, _ in groups]),
         start_time=np.zeros(count),
     )
-    scene = Scene(SharedScene(SimpleNamespace(areas=areas, levels=range(2)), SimpleNamespace(grids=())))
+    scene = Scene(SharedScene(SimpleNamespace(areas=areas, levels=range(2), links=()), SimpleNamespace(grids=())))
     return BehaviourScene(crowd, scene, tuple(made), np.random.default_rng(seed), 0.1)
 
 

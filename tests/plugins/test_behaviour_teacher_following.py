@@ -58,7 +58,7 @@ class Corridor:
         self.behaviour = TeacherFollowing(**parameters)
         self.scene = BehaviourScene(
             self.crowd,
-            Scene(SharedScene(SimpleNamespace(), corridor_fields())),
+            Scene(SharedScene(SimpleNamespace(links=()), corridor_fields())),
             self.groups,
             np.random.default_rng(1),
             TICK,
