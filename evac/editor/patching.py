@@ -3,7 +3,7 @@
 import json
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import SequenceMatcher
 from typing import Any, TypeAlias
@@ -180,7 +180,7 @@ class _Patch:
     def _insert_after(self, items: Sequence[Span], k: int, values: Sequence[str]) -> None:
         end = items[k].end
         line = self.text.rfind("\n", 0, items[k].start) + 1
-        comma = SKIPPED.match(self.text, end).end()  # type: ignore[union-attr]
+        comma = _past(SKIPPED, self.text, end)
         has_comma = self.text[comma] == ","
         rest = REST.match(self.text, comma + 1 if has_comma else end)
         if self.text[line : items[k].start].strip() or rest is None:
@@ -196,7 +196,7 @@ class _Patch:
         for run in _runs(gone):
             first, last = items[run[0]], items[run[-1]]
             line = self.text.rfind("\n", 0, first.first) + 1
-            comma = SKIPPED.match(self.text, last.end).end()  # type: ignore[union-attr]
+            comma = _past(SKIPPED, self.text, last.end)
             rest = REST.match(self.text, comma + 1 if self.text[comma] == "," else last.end)
             if not self.text[line : first.first].strip() and rest is not None:
                 self.edits.append((line, min(rest.end() + 1, len(self.text)), ""))
@@ -239,14 +239,14 @@ def _runs(numbers: Iterable[int]) -> list[list[int]]:
     return runs
 
 
-def _matched(old: Sequence[Any], new: Sequence[Any]) -> list[tuple[str, int, int, int, int]]:
+def _matched(old: Sequence[Any], new: Sequence[Any]) -> Sequence[tuple[str, int, int, int, int]]:
     """Return which rows of a list have become which, as `SequenceMatcher` does."""
 
     def known(value: Any) -> str:
         by = [value[key] for key in IDENTITY if key in value] if isinstance(value, Mapping) else value
         return json.dumps(plain(by))
 
-    return SequenceMatcher(None, [*map(known, old)], [*map(known, new)], autojunk=False).get_opcodes()  # type: ignore[return-value]
+    return SequenceMatcher(None, [*map(known, old)], [*map(known, new)], autojunk=False).get_opcodes()
 
 
 # The spans of a text, which tomllib has read before.
@@ -256,7 +256,7 @@ def scanned(text: str) -> Span:
     """Return the spans of a TOML text."""
     root = Span("table", 0, 0, 0)
     table, at = root, 0
-    while (at := SKIPPED.match(text, at).end()) < len(text):  # type: ignore[union-attr]
+    while (at := _past(SKIPPED, text, at)) < len(text):
         if text[at] == "[":
             is_many = text[at + 1] == "["
             keys, end = _key(text, at + 1 + is_many)
@@ -264,7 +264,7 @@ def scanned(text: str) -> Span:
             table = _headed(root, keys, is_many, _with_comments(text, head), at)
         else:
             keys, equals = _key(text, at)
-            value = _value(text, BLANK.match(text, equals + 1).end(), at)  # type: ignore[union-attr]
+            value = _value(text, _past(BLANK, text, equals + 1), at)
             _put(table.parts, keys, value)
             at = value.end
             table.end = _line_end(text, at)
@@ -295,6 +295,12 @@ def _with_comments(text: str, head: int) -> int:
     return start
 
 
+def _past(pattern: re.Pattern[str], text: str, at: int) -> int:
+    """Return the end of what a pattern matches from a place on; the place itself if it matches nothing."""
+    match = pattern.match(text, at)
+    return match.end() if match else at
+
+
 def _line_end(text: str, at: int) -> int:
     end = text.find("\n", at)
     return len(text) if end < 0 else end + 1
@@ -314,23 +320,22 @@ def _key(text: str, at: int) -> tuple[list[str], int]:
     """Return the parts of a key, and where the sign after it is."""
     keys: list[str] = []
     while True:
-        at = BLANK.match(text, at).end()  # type: ignore[union-attr]
-        end = _string(text, at) if text[at] in "\"'" else BARE.match(text, at).end()  # type: ignore[union-attr]
+        at = _past(BLANK, text, at)
+        end = _string(text, at) if text[at] in "\"'" else _past(BARE, text, at)
         keys += tomllib.loads(f"{text[at:end]} = 0")
-        at = BLANK.match(text, end).end()  # type: ignore[union-attr]
+        at = _past(BLANK, text, end)
         if text[at] != ".":
             return keys, at
         at += 1
 
 
 def _value(text: str, at: int, first: int) -> Span:
-    skip: Callable[[int], int] = lambda place: SKIPPED.match(text, place).end()  # type: ignore[union-attr]  # noqa: E731
     if text[at] in "\"'":
         return Span("scalar", first, at, _string(text, at))
     if text[at] not in "[{":
-        return Span("scalar", first, at, SCALAR.match(text, at).end())  # type: ignore[union-attr]
+        return Span("scalar", first, at, _past(SCALAR, text, at))
     span = Span("array" if text[at] == "[" else "inline", first, at, at)
-    at = skip(at + 1)
+    at = _past(SKIPPED, text, at + 1)
     while text[at] not in "]}":
         if span.kind == "array":
             value = _value(text, at, at)
@@ -338,9 +343,9 @@ def _value(text: str, at: int, first: int) -> Span:
         else:
             begin = at
             keys, equals = _key(text, at)
-            value = _value(text, skip(equals + 1), begin)
+            value = _value(text, _past(SKIPPED, text, equals + 1), begin)
             _put(span.parts, keys, value)
-        at = skip(value.end)
-        at = skip(at + 1) if text[at] == "," else at
+        at = _past(SKIPPED, text, value.end)
+        at = _past(SKIPPED, text, at + 1) if text[at] == "," else at
     span.end = at + 1
     return span
