@@ -142,6 +142,11 @@ class Case(Table):
         """The folder that paths in the case are relative to."""
         return self._origin.source.parent
 
+    @property
+    def name(self) -> str:
+        """Name of its folder, or of its file if this is not called case.toml; results are named after it."""
+        return self.folder.name if self.source.name == "case.toml" else self.source.stem
+
     def __repr__(self) -> str:
         return f"<Case {self.title or self.source.name!r}: {len(self.people)} groups, {self.contact.model}>"
 

@@ -11,6 +11,7 @@ def declare_edit(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac edit`."""
     what = "a case.toml, a folder that contains one, or a plan file (.plan.toml)"
     parser.add_argument("case", metavar="CASE|PLAN", type=Path, help=what)
+    parser.add_argument("--out", type=Path, metavar="DIR", help="result folder of runs (default: ./CASE-result)")
     parser.add_argument("--no-browser", action="store_true", help="print the address of the page, and open no browser")
 
 
@@ -23,7 +24,7 @@ def execute_edit(arguments: argparse.Namespace) -> int:
     """
     from evac.editor import Server, Session
 
-    with Server(Session(arguments.case)) as server:
+    with Server(Session(arguments.case, arguments.out)) as server:
         show_facts({"plan": server.session.file, "address": server.address})
         note("Ctrl-C ends; so does closing the page, after some time")
         with suppress(KeyboardInterrupt):

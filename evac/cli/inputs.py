@@ -117,8 +117,7 @@ def announce_plugin_file(path: Path) -> None:
 
 def default_folder(case: "Case", what: str = "result") -> Path:
     """Return the default result folder, ``./CASE-result``, or with another word at its end."""
-    name = case.folder.name if case.source.name == "case.toml" else case.source.stem
-    return Path(f"{name}-{what}")
+    return Path(f"{case.name}-{what}")
 
 
 def trajectory_of(arguments: argparse.Namespace) -> "Trajectory":

@@ -8,6 +8,7 @@ import tempfile
 import threading
 import time
 import webbrowser
+from collections.abc import Mapping
 from functools import cached_property
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -33,6 +34,11 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cross-Origin-Opener-Policy": "same-origin",
 }
+#: Files of a result are pages of their own, whose scripts reach nothing else.
+SANDBOX = (
+    "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; "
+    "style-src 'unsafe-inline'; img-src data: blob:; media-src blob:; font-src data:"
+)
 #: Greatest size of what a page may send [bytes].
 MOST_BYTES = 50_000_000
 #: Time between two signs of life to a page, and after which the server ends when no page is open [s].
@@ -111,6 +117,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(self.server.session.document)
         elif name == "events" and self.command == "GET":
             self._send_events()
+        elif name is not None and name.startswith("result/") and self.server.session.runner is not None:
+            self._send_result(self.server.session.runner.file(name.removeprefix("result/")))
         elif name is not None and (name or "page.html") in self.server.files:
             name = name or "page.html"
             self._send(200, TYPES[name.rpartition(".")[2]], self.server.files[name])
@@ -140,6 +148,8 @@ class _Handler(BaseHTTPRequestHandler):
             elif name == "save":
                 table, digest = dict(given["table"]), str(given["digest"])
                 self._answer(lambda: session.save(table, digest))
+            elif name in ("run", "report", "stop"):
+                self._answer(lambda: session.command(name))
             else:
                 self._refuse(404, "there is no such page")
         except (ValueError, KeyError, TypeError, RecursionError):
@@ -169,6 +179,12 @@ class _Handler(BaseHTTPRequestHandler):
         except EvacError as error:
             self._send_json(422, {"error": str(error)})
 
+    def _send_result(self, content: bytes | None) -> None:
+        if content is None:
+            self._refuse(404, "there is no such file of a result")
+        else:
+            self._send(200, TYPES["html"], content, {"Content-Security-Policy": SANDBOX})
+
     def _refuse(self, code: int, text: str) -> None:
         self.close_connection = True  # what was sent is not read
         self._send_json(code, {"error": text})
@@ -176,8 +192,8 @@ class _Handler(BaseHTTPRequestHandler):
     def _send_json(self, code: int, data: Any) -> None:
         self._send(code, TYPES["json"], json.dumps(data, allow_nan=False).encode())
 
-    def _send(self, code: int, kind: str, content: bytes) -> None:
-        self._begin(code, kind, {"Content-Length": str(len(content))})
+    def _send(self, code: int, kind: str, content: bytes, more: Mapping[str, str] | None = None) -> None:
+        self._begin(code, kind, {"Content-Length": str(len(content)), **(more or {})})
         if self.command != "HEAD":
             self.wfile.write(content)
 
@@ -194,6 +210,7 @@ class _Handler(BaseHTTPRequestHandler):
         session, told = self.server.session, queue.Queue[tuple[str, Any]]()
         self.close_connection = True
         session.listeners.append(told)
+        told.put(("run", session.run))
         try:
             self._begin(200, "text/event-stream", {})
             while not session.is_over.is_set():

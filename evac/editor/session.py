@@ -20,13 +20,14 @@ from evac.building.plan.plantable import read_table
 from evac.case.loading import load_case
 from evac.editor.judging import judge
 from evac.editor.patching import patched
+from evac.editor.running import Runner
 from evac.folder.files import content_of, replacing
 from evac.folder.textfiles import plain, write_json
 
 #: Ending of the name of the journal, which is beside the file.
 JOURNAL = ".unsaved"
-#: Time between two looks at the file on the disk [s].
-LOOK_EVERY = 1.0
+#: Time between two looks at the file on the disk, and at the run of the case [s].
+LOOK_EVERY = 0.5
 
 
 class ChangedOnDiskError(EvacError):
@@ -49,6 +50,8 @@ class Session:
     ----------
     source : Path
         A case, a folder with one, or a plan file.
+    result : Path, optional
+        Result folder of runs of the case; by default that of `evac run`.
 
     Raises
     ------
@@ -56,8 +59,9 @@ class Session:
         There is no such file, it is not valid, or the building of the case is not a plan.
     """
 
-    def __init__(self, source: Path) -> None:
+    def __init__(self, source: Path, result: Path | None = None) -> None:
         self.case_file: Path | None = None
+        self.runner: Runner | None = None
         self.place: tuple[str, ...] = ()
         if source.name.lower().endswith(PLAN):
             self.file, self.title = source.resolve(), source.name
@@ -74,6 +78,8 @@ class Session:
                     f"{case.source}: the building is {case.building.mesh!r}, which is no plan; a plan ({PLAN}), or a "
                     "[building.plan] in the case, can be edited: `evac new FOLDER` writes one"
                 )
+            self.runner = Runner(case.source, result or Path(f"{case.name}-result"))
+        self.run: dict[str, Any] = {"phase": "none"}  # as it was told last
         self.journal = self.file.with_name(self.file.name + JOURNAL)
         self.listeners: list[queue.Queue[tuple[str, Any]]] = []
         self.is_over = threading.Event()
@@ -89,6 +95,7 @@ class Session:
         """Return the plan as the page gets it, the digest of its file, and what the journal has."""
         text, table = self._read()
         found = {"title": self.title, "file": self.file.name, "digest": _digest(text), "table": plain(table)}
+        found["can_run"] = self.runner is not None
         with suppress(OSError, ValueError, KeyError):
             journal = json.loads(content_of(self.journal))
             found["unsaved"] = {"table": journal["table"], "of_this_file": journal["digest"] == found["digest"]}
@@ -136,14 +143,34 @@ class Session:
         self.tell("saved", {"digest": _digest(new)})
         return {"difference": self._difference(text, new), "digest": _digest(new)}
 
+    def command(self, what: str) -> dict[str, Any]:
+        """Start ``run`` or ``report``, or ``stop`` what writes the result; return the state of the run.
+
+        Raises
+        ------
+        EvacError
+            A plan file was opened, which is no case, or the result is being written.
+        """
+        if self.runner is None:
+            raise ScenarioError(f"{self.file}: is a plan, not a case; open a case with it: `evac edit CASE`")
+        if what == "stop":
+            self.runner.stop()
+        else:
+            self.runner.start(what)
+        self.run = self.runner.state()
+        self.tell("run", self.run)
+        return self.run
+
     def tell(self, event: str, data: Any) -> None:
         """Send an event to all pages."""
         for listener in list(self.listeners):
             listener.put((event, data))
 
     def close(self) -> None:
-        """End the processes."""
+        """End the processes, except a run, which goes on."""
         self.is_over.set()
+        if self.runner is not None:
+            self.runner.close()
         with self._lock:
             self._lock.notify()
         if self._pool is not None:
@@ -203,8 +230,11 @@ class Session:
             }
 
     def _look_always(self) -> None:
-        """Tell pages when the file on the disk changes."""
+        """Tell pages when the file on the disk changes, and how the run goes on."""
         while not self.is_over.wait(LOOK_EVERY):
+            if self.runner is not None and self.listeners and (state := self.runner.state()) != self.run:
+                self.run = state
+                self.tell("run", state)
             with suppress(OSError, UnicodeDecodeError):
                 now = _digest(content_of(self.file).decode())
                 if now != self._seen:

@@ -56,6 +56,17 @@ def _sign(file: int) -> None:
     os.write(file, json.dumps(holder).encode())
 
 
+def holder_here(path: Path) -> int | None:
+    """Return the process of this machine that holds a lock; None if there is none, or it cannot be told."""
+    with suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
+        holder = json.loads(content_of(path))  # Windows lets nobody read it
+        process = int(holder["process"])
+        if holder["host"] == socket.gethostname() and os.name == "posix":
+            os.kill(process, 0)  # only asks whether it exists
+            return process
+    return None
+
+
 def _holder(path: Path) -> str | None:
     """Return a description of the process that has written a lock file; None for a file of somebody else."""
     try:

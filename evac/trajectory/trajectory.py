@@ -7,7 +7,7 @@ import stat
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
@@ -373,6 +373,23 @@ def read_trajectory(path: str | Path) -> Trajectory:
         level_fields=tuple(fields),
         end=end,
         dropped_bytes=len(data) - end,
+    )
+
+
+def continued(trajectory: Trajectory) -> Trajectory:
+    """Return a trajectory with the frames that its run has written since it was read, of which alone the file is read.
+
+    Raises
+    ------
+    ResultError
+        The file is damaged, or was removed.
+    """
+    data = _mapped(trajectory.path)
+    _, schema, _ = _read_header(trajectory.path, data)
+    frames, end = _read_frames(trajectory.path, data, schema, trajectory.end)
+    rows = (*trajectory.rows, *frames)
+    return replace(
+        trajectory, rows=rows, time=np.array([row.time for row in rows]), end=end, dropped_bytes=len(data) - end
     )
 
 

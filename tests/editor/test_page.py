@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import evac
 from evac.cli.main import main
 from evac.editor import Server, Session
 
@@ -109,7 +110,7 @@ def server(tmp_path_factory):
     """The house, served for all tests."""
     folder = tmp_path_factory.mktemp("served") / "house"
     main(["new", str(folder)])
-    with Server(Session(folder)) as server:
+    with Server(Session(folder, folder.with_name("result"))) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield server
         server.shutdown()
@@ -159,6 +160,31 @@ def test_findings_appear_while_one_draws_and_lead_to_their_place(page):
     page.type("Width", "1.1")
     page.judged()
     assert page.text("#verdict") == "Can be run"
+
+
+def test_the_case_is_saved_and_run_and_its_people_are_seen(page):
+    page.click((8.1, 2.5))
+    page.type("Width", "1.4")
+    page.keys("Enter", modifiers=CONTROL)
+    page.browser.wait("document.getElementById('run-box').dataset.phase === 'ended'", 120)
+    results = evac.read_results(page.server.session.runner.folder)
+    assert results.building.doors[0].width == pytest.approx(1.4)
+    assert page.text("#run-verdict") == results.verdict["text"]
+    assert page.text("#answer").splitlines() == results.answer.lines()[1:]
+    assert page.text("#run") == "Run"
+    page.browser.send("Page.navigate", {"url": page.run("document.querySelector('#results a').href") + "#time=5"})
+    page.browser.wait("Number(document.getElementById('slider').value) === 5")
+
+
+def test_people_of_a_run_are_on_their_storey(page):
+    accent = np.array([0x0B, 0x63, 0xA8])
+    text = "{ phase: 'running', text: '1/2 out', people: { ground: [3, 2], first: [3, 4] } }"
+    page.run(f"editor.running.show({text})")
+    page.browser.settle()
+    assert page.text("#run") == "Stop"
+    assert page.text("#run-text") == "1/2 out"
+    assert np.abs(page.colour(3, 2) - accent).sum(axis=1).min() < 40
+    assert np.abs(page.colour(3, 4) - accent).sum(axis=1).min() > 100
 
 
 def test_floor_that_cannot_be_left_is_hatched(page):

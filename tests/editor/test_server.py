@@ -5,6 +5,7 @@ import json
 
 import pytest
 
+from evac.cli.main import main
 from evac.editor import Server, Session
 
 
@@ -80,11 +81,24 @@ def test_a_post_needs_the_origin_and_json(server, house):
 
 
 @pytest.mark.parametrize(
-    "name", ["../document", "%2e%2e/case.toml", "case.toml", "house.plan.toml", "..", "run", "main.js"]
+    "name", ["../document", "%2e%2e/case.toml", "case.toml", "house.plan.toml", "..", "run", "result", "main.js"]
 )
 def test_nothing_else_is_served(server, name):
     assert ask(server, name)[0] == 404
     assert ask(server, f"/{name}")[0] == 404
+
+
+def test_files_of_a_result_are_served_without_rights(house, serve, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    server, result = serve(house), tmp_path / "house-result"
+    assert ask(server, "result/replay.html")[0] == 404
+    assert main(["run", str(house), "--set", "simulation.duration=1"]) == 3
+    status, headers, content = ask(server, "result/replay.html")
+    assert (status, content) == (200, (result / "replay.html").read_bytes())
+    assert headers["Content-Security-Policy"].startswith("sandbox allow-scripts allow-downloads; default-src 'none'")
+    (result / "report.html").write_text("not of evac")
+    for name in ("summary.json", "report.html", "../house/case.toml", ""):
+        assert ask(server, f"result/{name}")[0] == 404
 
 
 def test_the_token_is_needed_and_is_another_at_each_start(server, house, serve):

@@ -15,6 +15,7 @@ const KEYS = [
   ["Page up, Page down", "next storey up, down"],
   ["3, F, + −", "plan or 3D, show all, zoom"],
   ["Ctrl+S", "save"],
+  ["Ctrl+Enter", "save and run, or stop the run"],
   ["T, ?", "light or dark, these keys"],
   ["Escape", "stop drawing, deselect"],
   ["Wheel; right or Alt drag", "zoom; move the view"],
@@ -120,11 +121,14 @@ async function start() {
         inspector.showChanges(difference, "Saved");
         showState();
         act.say(difference ? `Saved to ${opened.file}` : "Nothing to save");
+        return true;
       } catch (error) {
-        if (error.status === 409) return warnOfFile();
-        warn(error.message);
+        if (error.status === 409) warnOfFile(); else warn(error.message);
+        return false;
       }
     },
+
+    warn: (text) => warn(text),
 
     // What is in the file, as one more step that can be undone.
     async takeFile() {
@@ -149,7 +153,7 @@ async function start() {
       view3d.draw();
     },
   };
-  const inspector = new Inspector(store, view, act), tools = new Tools(store, view, act);
+  const inspector = new Inspector(store, view, act), tools = new Tools(store, view, act), running = new Running(view, act, opened.can_run);
   view.tools = tools;
 
   function changed() {
@@ -240,6 +244,7 @@ async function start() {
   function listen() {
     const events = new EventSource("events"), on = (name, take) => events.addEventListener(name, ({ data }) => take(JSON.parse(data)));
     on("judged", showJudged);
+    on("run", (state) => running.show(state));
     on("saved", ({ digest: now }) => { onDisk = now; });
     on("changed", ({ digest: now }) => { if (now !== digest) { onDisk = now; warnOfFile(); } });
     events.addEventListener("error", () => { act.say("evac edit does not answer"); isAsked = false; });
@@ -262,8 +267,8 @@ async function start() {
   addEventListener("keydown", (event) => {
     const key = event.key.toLowerCase(), isTyped = event.target.matches?.("input, select, textarea"), isControl = event.ctrlKey || event.metaKey;
     if (document.querySelector("dialog[open]")) return;
-    const control = isControl && { z: event.shiftKey ? actions.redo : actions.undo, y: actions.redo, s: act.save, d: act.duplicate }[key];
-    if (control && (!isTyped || key === "s")) { event.preventDefault(); control(); return; }
+    const control = isControl && { z: event.shiftKey ? actions.redo : actions.undo, y: actions.redo, s: act.save, d: act.duplicate, enter: () => running.toggle() }[key];
+    if (control && (!isTyped || key === "s" || key === "enter")) { event.preventDefault(); control(); return; }
     if (isTyped || isControl || event.altKey) return;
     if (event.target === view.canvas && tools.key(event)) return event.preventDefault();
     const tool = Object.keys(TOOLS).find((name) => TOOLS[name].key === key);
@@ -285,7 +290,7 @@ async function start() {
   } else changed();
   inspector.showChanges("", "Changes of the file");
   listen();
-  window.editor = { store, view, view3d, tools, act };
+  window.editor = { store, view, view3d, tools, act, running };
 }
 
 start().catch((error) => {

@@ -1,6 +1,7 @@
 // The plan of a storey on a canvas: what is in the table, and what was judged of it.
 
 const MARGIN = 60, TOOLS_WIDE = 90;  // Around everything, and for the tools at the left [pixels].
+const BODY = 0.22;  // Radius of people [m].
 const STEP_LINE = 0.28;  // Between the lines of steps [m].
 
 function coloursOf(...names) {
@@ -10,7 +11,7 @@ function coloursOf(...names) {
 
 class PlanView {
   constructor(canvas, store) {
-    Object.assign(this, { canvas, store, pen: canvas.getContext("2d"), x: 0, y: 0, zoom: 20, judged: null, findings: [], selected: null, storey: "", frames: 0 });
+    Object.assign(this, { canvas, store, pen: canvas.getContext("2d"), x: 0, y: 0, zoom: 20, judged: null, people: {}, findings: [], selected: null, storey: "", frames: 0 });
   }
 
   get table() { return this.store.now; }
@@ -139,6 +140,7 @@ class PlanView {
     this.paintGrid(w, h);
     this.paintFloors();
     this.paintRows();
+    this.paintPeople();
     this.paintTool();
     pen.setTransform(dpr, 0, 0, dpr, 0, 0);
     this.paintNames();
@@ -227,6 +229,19 @@ class PlanView {
     }
     if (selected?.side) this.line(selected.side, look.mark, 5 / zoom);
     if (selected?.corner) this.dot(selected.corner, look.mark);
+  }
+
+  // People of a run that goes on, on the storey and the stairs that begin on it.
+  paintPeople() {
+    const { pen, look, people, storey } = this, all = people[storey] ?? [];
+    pen.beginPath();
+    for (let k = 0; k < all.length; k += 2) {
+      pen.moveTo(all[k] + BODY, all[k + 1]);
+      pen.arc(all[k], all[k + 1], BODY, 0, 7);
+    }
+    Object.assign(pen, { fillStyle: look.accent, strokeStyle: look.panel, lineWidth: 1 / this.zoom });
+    pen.fill();
+    pen.stroke();
   }
 
   // Doors that a storey takes from the storeys that it is like, as they were judged.

@@ -1,0 +1,154 @@
+"""The run of a case in a process of its own, and what its folder tells of it, whoever started it."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evac.base.display import numbers_of
+from evac.base.errors import EvacError, ResultError
+from evac.base.phases import Progress
+from evac.building.model.building import Level
+from evac.building.model.findings import PART
+from evac.case.loading import load_case
+from evac.folder.files import COMPLETE, REPLAY_NAME, REPORT_NAME, SUMMARY_NAME, TRAJECTORY_NAME, read_manifest
+from evac.folder.lock import holder_here
+from evac.folder.resultfolder import running_beside
+from evac.results.reading import read_results
+from evac.trajectory.trajectory import Trajectory, continued, read_trajectory
+
+#: Files of a result that the page links to.
+SHOWN = (REPLAY_NAME, REPORT_NAME)
+
+
+class Runner:
+    """Starts and stops commands that write a result folder, and tells what is going on there.
+
+    The commands are processes of their own, which go on when the page is closed and when `evac edit` ends; a later
+    `evac edit` finds a run by the lock of its folder.
+    """
+
+    def __init__(self, case_file: Path, folder: Path) -> None:
+        self.case_file, self.folder = case_file, folder.absolute()
+        self._running = running_beside(self.folder)
+        self._lock = self.folder.with_name(f"{self.folder.name}.lock")
+        self._place = tempfile.TemporaryDirectory()
+        self._output = Path(self._place.name) / "output.txt"
+        self._process: subprocess.Popen[bytes] | None = None
+        self._trajectory: Trajectory | None = None
+        self._first: tuple[float, Progress] | None = None  # when it was seen [s], and what
+        self._ended: tuple[Any, dict[str, Any]] = (None, {})
+
+    def start(self, command: str) -> None:
+        """Start ``evac run`` on the case, or ``evac report`` on its result.
+
+        Raises
+        ------
+        ResultError
+            Another command writes the result, or there is none to report on.
+        """
+        arguments = {"run": [str(self.case_file), "--out", str(self.folder)], "report": [str(self.folder)]}[command]
+        if self._holder() is not None:
+            raise ResultError(f"{self.folder}: is being written; wait until this has ended, or stop it")
+        self._trajectory = self._first = None
+        with self._output.open("wb") as output:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "evac", command, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    def stop(self) -> None:
+        """Stop the command that writes the result as Ctrl-C does, after which a run can be resumed."""
+        if (process := self._holder()) is not None:
+            os.kill(process, signal.SIGINT)
+
+    def close(self) -> None:
+        """Forget what commands have printed; one that runs goes on."""
+        self._place.cleanup()
+
+    def file(self, name: str) -> bytes | None:
+        """Return a file of the result that the page links to, if evac has written it."""
+        return (self.folder / name).read_bytes() if name in self._files() else None
+
+    def state(self) -> dict[str, Any]:
+        """Return what goes on: ``phase`` is none, running, failed or ended, with what the page shows of it."""
+        if self._holder() is not None:
+            return {"phase": "running", **self._progress()}
+        if self._process is not None and self._process.returncode not in (0, 3, 130):
+            text = "\n".join(line for line in self._lines() if line.startswith("evac: "))
+            return {"phase": "failed", "text": text or f"the command ended with status {self._process.returncode}"}
+        try:
+            written = (self.folder / SUMMARY_NAME).stat().st_mtime_ns, self._files()
+        except OSError:
+            return {"phase": "none"}
+        if written != self._ended[0]:
+            self._ended = written, self._outcome()
+        return self._ended[1]
+
+    def _holder(self) -> int | None:
+        """Return the process that writes the result."""
+        if self._process is not None and self._process.poll() is None:
+            return self._process.pid
+        return holder_here(self._lock)
+
+    def _files(self) -> list[str]:
+        manifest = read_manifest(self.folder)
+        return [name for name in SHOWN if manifest.state == COMPLETE and name in manifest.files]
+
+    def _outcome(self) -> dict[str, Any]:
+        try:
+            results = read_results(self.folder)
+        except EvacError as error:
+            return {"phase": "failed", "text": str(error)}
+        when = time.strftime("%Y-%m-%d %H:%M", time.localtime((self.folder / SUMMARY_NAME).stat().st_mtime))
+        verdict, answer, files = results.verdict["status"], results.answer.lines(), self._files()
+        return {"phase": "ended", "status": verdict, "answer": answer, "files": files, "when": when}
+
+    def _progress(self) -> dict[str, Any]:
+        """Return how far a run is, in words, and where people are by storey."""
+        try:
+            if self._trajectory is None:
+                self._trajectory = read_trajectory(self._running / TRAJECTORY_NAME)
+            self._trajectory = trajectory = continued(self._trajectory)
+            frame = trajectory[-1]
+        except (EvacError, IndexError):  # nothing is recorded yet, or the folder of the run has just been renamed
+            self._trajectory = None
+            return {"text": (self._lines() or ["starting"])[-1].removeprefix("evac: "), "people": {}}
+        out, duration = trajectory.out_at(len(trajectory) - 1), self._duration()
+        now = Progress(frame["time"], duration, trajectory.number_of_people, out)
+        seen, first = self._first = self._first or (time.perf_counter(), now)
+        text = numbers_of(first, now, time.perf_counter() - seen) if now != first else "running"
+        at = np.round(frame["position"], 2)
+        storey = np.array(_storeys(trajectory))[frame["level"]]
+        return {"text": text, "people": {str(name): at[storey == name].ravel().tolist() for name in set(storey)}}
+
+    def _duration(self) -> float:
+        if self._first is not None:
+            return self._first[1].duration
+        return float(load_case(self.case_file).simulation.duration)
+
+    def _lines(self) -> list[str]:
+        """Return the last lines that the command has printed."""
+        text = self._output.read_text(errors="replace") if self._output.exists() else ""
+        return [line for line in text.splitlines() if line.strip()]
+
+
+def _storeys(trajectory: Trajectory) -> list[str]:
+    """Return the storey of each level; that of a stair is the highest one that is not above its foot."""
+    levels = trajectory.building.levels
+    floors = sorted((level for level in levels if level.kind == "floor"), key=lambda level: level.z_min)
+    own = [level if level.kind == "floor" else _below(level, floors) for level in levels]
+    return [PART.sub("", level.name) for level in own]
+
+
+def _below(stair: Level, floors: list[Level]) -> Level:
+    return [floors[0], *(floor for floor in floors if floor.z_min < stair.z_min + 0.05)][-1]
