@@ -1,10 +1,8 @@
 """Passages of people through exits, portals, doors between rooms and lines of the case, and their flows."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cache
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -17,10 +15,6 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Exit, Portal
 from evac.folder.textfiles import Amount, Count
 from evac.trajectory.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    import networkx
-
 
 #: Share of the people who pass before, and of those who pass after, the interval in which a flow counts as steady.
 MARGIN = 0.2
@@ -91,7 +85,7 @@ class LineFlow:
     person : (m,) int32
         Index of the person of each passage, in order of time.
     time : (m,) float64 [s]
-        See `line_flows`.
+        Of exits and portals exact, of doors and lines as `line_flows` gives it.
     forward : (m,) bool
     """
 
@@ -139,26 +133,8 @@ def _flow_of(times: FloatArray) -> float | None:
     return None if np.isnan(flow) else flow
 
 
-def line_flows(trajectory: Trajectory, moves: Moves | None = None) -> Mapping[str, LineFlow]:
-    """Return the passages through each portal, exit, door and line of the case, by its name.
-
-    Those through portals and exits are exact if the moves of the run are given. Otherwise they are in the middle
-    between the recorded times before and after: people are assumed to have taken the path over the fewest levels, and
-    the nearest of several portals or exits between two levels; those that were closed at both times are not considered.
-    Doors and lines are passed on straight ways between recorded positions, at a constant speed, and on the way from the
-    last recorded position to the exit that is nearest to it.
-
-    Examples
-    --------
-    >>> door = line_flows(trajectory)["main_door"]  # doctest: +SKIP
-    >>> door.people, door.flow_per_metre  # doctest: +SKIP
-    """
-    links = _recorded(trajectory) if moves is None else link_flows(trajectory.building, moves)
-    return {line.name: line for line in (*links, *_crossed(trajectory))}
-
-
 def link_flows(building: Building, moves: Moves) -> list[LineFlow]:
-    """Return the passages through portals and exits, from the moves of a run."""
+    """Return the passages through each portal and exit, from the moves of a run."""
     links: list[Portal | Exit] = [*building.portals, *building.exits]
     flows = []
     for number, link in enumerate(links):
@@ -228,56 +204,12 @@ def _of_link(
     return LineFlow(*what, person, time, forward)
 
 
-def _recorded(trajectory: Trajectory) -> list[LineFlow]:
-    """Return the passages through portals and exits, from the levels on which people were recorded."""
-    import networkx  # takes 0.1 s, and no run needs it
+def line_flows(trajectory: Trajectory) -> list[LineFlow]:
+    """Return the passages through the doors of the building and the lines of the case, from recorded positions.
 
-    building = trajectory.building
-    links: list[Portal | Exit] = [*building.portals, *building.exits]
-    passages: list[list[tuple[float, int, bool]]] = [[] for _ in links]
-    lines = [shapely.multilinestrings([s.reshape(2, 2) for s in link.segments]) for link in links]
-    level = trajectory.level
-
-    @cache
-    def ways(closed: frozenset[int]) -> "networkx.MultiDiGraph":
-        """Return the levels as a graph whose edges are open links, with their numbers as keys; -1 is outside."""
-        now, graph = replace(building, closed=closed), networkx.MultiDiGraph()
-        graph.add_nodes_from(range(-1, len(now.levels)))
-        for number, link in enumerate(links):
-            ends = link.levels if isinstance(link, Portal) else (link.level, -1)
-            for pair in (ends, ends[::-1])[: len(link.levels)] if now.is_open(link) else ():
-                graph.add_edge(*pair, key=number)
-        return graph
-
-    @cache
-    def paths(closed: frozenset[int], source: int) -> dict[int, list[int]]:
-        shortest: dict[int, list[int]] = networkx.single_source_shortest_path(ways(closed), source)
-        return shortest
-
-    for k in range(1, len(trajectory)):
-        closed = frozenset.intersection(*(trajectory.building_at(trajectory.time[j]).closed for j in (k - 1, k)))
-        time = 0.5 * float(trajectory.time[k - 1] + trajectory.time[k])
-        for person in np.flatnonzero((level[k] != level[k - 1]) & (level[k - 1] >= 0)).tolist():
-            place = shapely.Point(trajectory.position[k - 1, person])
-            path = paths(closed, int(level[k - 1, person])).get(int(level[k, person]), [])
-            for source, target in pairwise(path):
-                link = min(ways(closed)[source][target], key=lambda row: float(lines[row].distance(place)))
-                forward = target < 0 or links[link].levels[0] == source
-                passages[link].append((time, person, forward))
-    return [
-        _of_link(
-            building,
-            link,
-            np.array([person for _, person, _ in passed], np.int32),
-            np.array([time for time, _, _ in passed], np.float64),
-            np.array([forward for _, _, forward in passed], bool),
-        )
-        for link, passed in zip(links, passages, strict=True)
-    ]
-
-
-def _crossed(trajectory: Trajectory) -> list[LineFlow]:
-    """Return the passages through doors and lines, from recorded positions."""
+    People move straight between recorded positions, at a constant speed, and from the last one to the exit that is
+    nearest to it.
+    """
     building = trajectory.building
     lines = [(door.kind, door.name, door.level, door.segment, door.width) for door in building.doors]
     for place in building.places:

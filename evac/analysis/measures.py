@@ -80,7 +80,7 @@ class Records(NamedTuple):
     waited: FloatArray
     contact_force: FloatArray
 
-    def chosen(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> "Records":
+    def chosen(self, rows: NDArray[np.bool_] | NDArray[np.int64] | slice) -> "Records":
         """Return some of the rows, (s,) bool, or their numbers."""
         return Records._make(column[rows] for column in self)
 

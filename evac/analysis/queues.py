@@ -1,13 +1,14 @@
 """Queues by what causes them: the exit, door, stair or person beyond which people walk on."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from evac.analysis.lines import LineFlow, line_flows
+from evac.analysis.lines import LineFlow
 from evac.analysis.measures import Records, joined, records
 from evac.base.arrays import FloatArray
 from evac.base.errors import counted
@@ -112,32 +113,42 @@ class Queue:
         )
 
 
-def find_queues(trajectory: Trajectory, flows: Iterable[LineFlow] | None = None) -> tuple[Queue, ...]:
+def find_queues(trajectory: Trajectory, flows: Iterable[LineFlow]) -> tuple[Queue, ...]:
     """Return the queues of a run, sorted by the time for which people waited in total, the longest first.
 
-    `flows` are those of `evac.analysis.lines.line_flows`, from which the passages of people are taken.
+    The passages of people are those of `flows`, of all links, doors and lines.
     """
-    ways = _Ways(trajectory, line_flows(trajectory).values() if flows is None else flows)
-    waiting, standing = list[Records](), list[Records]()
-    for part in records(trajectory):
-        ways.watch(part)
-        waiting.append(part.chosen(part.waits > 0.0))
-        standing.append(part.chosen(~part.started))
-    if not waiting:
-        return ()
-    rows, still = joined(waiting), joined(standing)
-    line, passes = ways.causes(rows)
+    ways = _Ways(trajectory, flows)
     causes = [_cause(trajectory.building, one) for one in ways.lines]
     causes += [("level", level.title) for level in trajectory.building.levels]
     numbers = {cause: number for number, cause in enumerate(dict.fromkeys(causes))}
-    cause = np.array([numbers[one] for one in causes], np.int64)[line]
-    away = ways.distances(rows, line)
-    queues = []
-    for (kind, name), number in numbers.items():
-        if (own := np.flatnonzero(cause == number)).size:
-            queue = _Waiting(trajectory, ways, rows.chosen(own), line[own], passes[own], away[own])
-            queues.append(queue.of(kind, name, float(rows.waits.sum()), still))
-    return tuple(sorted(queues, key=lambda queue: -queue.waited))
+    number = np.array([numbers[one] for one in causes], np.int64)
+    queues, standing = [_Waiting(trajectory, ways, *cause) for cause in numbers], _Standing(trajectory)
+    for part in _whole_spans(trajectory, ways):
+        still = standing.add(part)
+        rows = part.chosen(part.waits > 0.0)
+        line, passes = ways.causes(rows)
+        cause, away = number[line], ways.distances(rows, line)
+        for k in np.unique(cause).tolist():
+            own = np.flatnonzero(cause == k)
+            queues[k].add(rows.chosen(own), line[own], passes[own], away[own], still)
+    waited = sum(queue.waited for queue in queues)
+    return tuple(sorted((one.queue(waited, standing) for one in queues if one.waited), key=lambda one: -one.waited))
+
+
+def _whole_spans(trajectory: Trajectory, ways: "_Ways") -> Iterator[Records]:
+    """Yield the records of all people, once it is known how long people waited until the end of their spans."""
+    kept: list[Records] = []
+    for part in records(trajectory):
+        ways.watch(part)
+        span = trajectory.time[part.frame] // SPAN
+        later = int(np.searchsorted(span, span[-1]))
+        if later:
+            yield joined([*kept, part.chosen(slice(later))])
+            kept = []
+        kept.append(part.chosen(slice(later, None)))
+    if kept:
+        yield joined(kept)
 
 
 def _cause(building: Building, line: LineFlow) -> tuple[str, str]:
@@ -237,67 +248,88 @@ class _Ways:
         return middle
 
 
+class _Standing:
+    """The people who have not started, or stay where they are, and when each of them was first and last seen so."""
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self._started = np.full(trajectory.number_of_people, len(trajectory))
+        self._last = np.zeros(trajectory.number_of_people, np.int64)
+
+    def add(self, part: Records) -> Records:
+        """Return the rows of those who stand still."""
+        walks, still = part.chosen(part.started), part.chosen(~part.started)
+        np.minimum.at(self._started, walks.person, walks.frame)
+        np.maximum.at(self._last, still.person, still.frame)
+        return still
+
+    def words(self, person: int) -> str:
+        """Return a person with the reason why it stood."""
+        has_walked = self._started[person] < self._last[person]
+        return f"person {person}, who {'stands still' if has_walked else 'has not started'}"
+
+
 class _Waiting:
-    """The rows of the people who wait in one queue, with the lines at its head and when each of them passes it."""
+    """The people who wait in one queue, added up over the recorded times."""
 
-    def __init__(
-        self,
-        trajectory: Trajectory,
-        ways: _Ways,
-        rows: Records,
-        line: NDArray[np.int64],
-        passes: FloatArray,
-        away: FloatArray,
-    ) -> None:
-        self._trajectory, self._ways, self._rows = trajectory, ways, rows
-        self._line, self._passes, self._away = line, passes, away
+    def __init__(self, trajectory: Trajectory, ways: _Ways, kind: str, name: str) -> None:
+        self._time, self._levels, self._ways = trajectory.time, trajectory.building.levels, ways
+        self._kind, self._name = kind, name
+        self._at_once, self._near = np.zeros((2, len(trajectory)), np.int64)
+        self._people = np.zeros(trajectory.number_of_people, np.bool_)
+        self._blocked = np.zeros(trajectory.number_of_people)  # waiting behind each person [s]
+        self._peak: dict[str, Any] = {}
+        self.waited = 0.0  # [s]
 
-    def of(self, kind: str, name: str, all_waited: float, still: Records) -> Queue:
-        """Return the queue."""
-        rows, time, frames = self._rows, self._trajectory.time, len(self._trajectory)
-        levels = self._trajectory.building.levels
-        at_once = np.bincount(rows.frame, minlength=frames)
-        peak = int(at_once.argmax())
-        then = np.flatnonzero(rows.frame == peak)
-        many = np.flatnonzero(at_once >= max(1.0, 0.1 * at_once[peak]))
-        head = then[self._line[then] == np.bincount(self._line[then]).argmax()]
-        first = head[np.argmin(self._away[head])]
-        at = self._ways.middle(self._line[first]) if kind != "level" else rows.position[then].mean(axis=0)
-        return Queue(
-            kind=kind,
-            name=name,
-            level=levels[rows.level[first]].name,
-            x=float(at[0]),
-            y=float(at[1]),
-            tail=levels[rows.level[then[np.lexsort([self._away[then], self._passes[then]])[-1]]]].title,
-            people=len(np.unique(rows.person)),
-            waited=float(rows.waits.sum()),
-            share=float(rows.waits.sum()) / all_waited,
-            most=int(at_once[peak]),
-            time=float(time[peak]),
-            start=float(time[many[0]]),
-            end=float(time[many[-1]]),
-            blocker=self._blocker(still),
-            at_once=at_once,
-            near=np.bincount(rows.frame[self._away <= NEAR], minlength=frames),
-        )
+    def add(self, rows: Records, line: NDArray[np.int64], passes: FloatArray, away: FloatArray, still: Records) -> None:
+        """Add the rows of the queue with the lines at their heads, when they pass them, and how far they are away.
 
-    def _blocker(self, still: Records) -> str:
-        """Return who stands before the first of the queue, nearer to the line, during more than half of the waiting."""
-        rows, blocked = self._rows, dict[int, float]()
-        for frame in np.intersect1d(rows.frame, still.frame).tolist():
-            own = np.flatnonzero(rows.frame == frame)
-            first = own[np.lexsort([self._away[own], self._passes[own]])[0]]
+        `still` are those who stand still at the same times.
+        """
+        self.waited += float(rows.waits.sum())
+        self._people[rows.person] = True
+        before = self._at_once.max()
+        self._at_once += np.bincount(rows.frame, minlength=len(self._time))
+        self._near += np.bincount(rows.frame[away <= NEAR], minlength=len(self._time))
+        order = np.lexsort([away, passes, rows.frame])
+        if self._at_once.max() > before:
+            then = np.flatnonzero(rows.frame == self._at_once.argmax())
+            head = then[line[then] == np.bincount(line[then]).argmax()]
+            first = head[np.argmin(away[head])]
+            last = then[np.lexsort([away[then], passes[then]])[-1]]
+            at = self._ways.middle(line[first]) if self._kind != "level" else rows.position[then].mean(axis=0)
+            self._peak = {
+                "level": self._levels[rows.level[first]].name,
+                "x": float(at[0]),
+                "y": float(at[1]),
+                "tail": self._levels[rows.level[last]].title,
+            }
+        frames, starts = np.unique(rows.frame[order], return_index=True)
+        waits = np.bincount(rows.frame, rows.waits)
+        for frame, first in zip(frames.tolist(), order[starts].tolist(), strict=True):
             there = slice(*np.searchsorted(still.frame, [frame, frame + 1]))
             is_near = np.hypot(*(still.position[there] - rows.position[first]).T) <= FRONT
             near = np.flatnonzero(is_near & (still.level[there] == rows.level[first])) + there.start
-            away = self._ways.distances(still.chosen(near), np.full(len(near), self._line[first]))
-            if len(near) and away.min() < self._away[first]:
-                person = int(still.person[near[away.argmin()]])
-                blocked[person] = blocked.get(person, 0.0) + float(rows.waits[own].sum())
-        person = max(blocked, key=blocked.__getitem__, default=-1)
-        if blocked.get(person, 0.0) <= 0.5 * rows.waits.sum():
-            return ""
-        until = int(still.frame[still.person == person].max())
-        has_walked = any((one.person[one.started] == person).any() for one in self._trajectory.rows[:until])
-        return f"person {person}, who {'stands still' if has_walked else 'has not started'}"
+            if len(near):
+                beyond = self._ways.distances(still.chosen(near), np.full(len(near), line[first]))
+                if beyond.min() < away[first]:
+                    self._blocked[still.person[near[beyond.argmin()]]] += waits[frame]
+
+    def queue(self, all_waited: float, standing: _Standing) -> Queue:
+        """Return the queue; its blocker stood before the first of it during more than half of the waiting."""
+        peak, most = int(self._at_once.argmax()), int(self._at_once.max())
+        many, person = np.flatnonzero(self._at_once >= max(1.0, 0.1 * most)), int(self._blocked.argmax())
+        return Queue(
+            kind=self._kind,
+            name=self._name,
+            **self._peak,
+            people=int(self._people.sum()),
+            waited=self.waited,
+            share=self.waited / all_waited,
+            most=most,
+            time=float(self._time[peak]),
+            start=float(self._time[many[0]]),
+            end=float(self._time[many[-1]]),
+            blocker=standing.words(person) if self._blocked[person] > 0.5 * self.waited else "",
+            at_once=self._at_once,
+            near=self._near,
+        )

@@ -80,7 +80,7 @@ def account_of_folder(trajectory: Trajectory) -> Account:
     folder, header = trajectory.path.parent, trajectory.header
     known: dict[str, Any] = {name: getattr(trajectory, name) for name in ("groups", "group", "radius", "height")}
     known["moves"] = recorded_moves(trajectory)
-    known["lines"] = [flow for flow in line_flows(trajectory).values() if flow.kind == "line"]
+    known["lines"] = [flow for flow in line_flows(trajectory) if flow.kind == "line"]
     if not (folder / SUMMARY_NAME).exists():
         facts = [("Seed", str(header.get("seed"))), ("Versions", _versions(header.get("versions", {})))]
         text = (

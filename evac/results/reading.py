@@ -61,11 +61,11 @@ def read_results(folder: str | Path, plugin_files: Iterable[str | Path] = ()) ->
 
 
 def recorded_flows(trajectory: Trajectory) -> tuple[LineFlow, ...]:
-    """Return the passages of a recorded run: `Results.flows` if its results are beside it, else from motion alone."""
+    """Return `Results.flows` of a recorded run if its results are beside it, else those of doors and lines alone."""
     folder = trajectory.path.parent
     if trajectory.path.name == TRAJECTORY_NAME and all((folder / one).exists() for one in (SUMMARY_NAME, PEOPLE_NAME)):
         return results_beside(trajectory, folder).flows
-    return tuple(line_flows(trajectory).values())
+    return tuple(line_flows(trajectory))
 
 
 def results_beside(

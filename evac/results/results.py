@@ -507,9 +507,8 @@ class Results:
     @cached_property
     def flows(self) -> tuple[LineFlow, ...]:
         """Passages through exits and portals and, from the recorded motion, through doors and the lines of the case."""
-        if self.trajectory is None:
-            return tuple(link_flows(self.building, self.moves))
-        return tuple(line_flows(self.trajectory, self.moves).values())
+        crossed = [] if self.trajectory is None else line_flows(self.trajectory)
+        return (*link_flows(self.building, self.moves), *crossed)
 
     @cached_property
     def queues(self) -> tuple[Queue, ...]:

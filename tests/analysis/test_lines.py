@@ -1,4 +1,4 @@
-"""Who passed portals and exits, from the levels on which people were recorded."""
+"""Who passed portals, exits, doors and lines, and when."""
 
 from dataclasses import replace
 
@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from shapely import LineString
 
-from evac.analysis.lines import exit_table, flow_rows, line_flows, steady_flow
+from evac.analysis.lines import exit_table, flow_rows, line_flows, link_flows, steady_flow
+from evac.analysis.occupancy import moves_of
 from evac.building.model.building import Door, Place
 from tests.physics.scenes import make_building
 
@@ -44,40 +45,44 @@ def test_each_exit_has_people_width_and_flow():
     assert table["exit 2"] == {"people": 0, "last_out": None, "width": 1.0, "flow": None, "flow_per_metre": None}
 
 
-def test_a_descent_passes_every_portal_and_the_door(written):
-    level = [[4], [3], [2], [1], [0], [-1]]
-    position = [[[9.0, 3.0]], [[12.0, 3.0]], [[15.0, 2.0]], [[12.0, 1.0]], [[1.0, 1.5]], [[0.0, 1.5]]]
-    flows = line_flows(written(position, level, interval=2.0))
+def flows_of(building, start, crossings, exit_time):
+    """Return the flows of a log of crossings: person, link and time."""
+    person, link, time = (np.array(column) for column in zip(*crossings, strict=True))
+    log = person.astype(np.int32), link.astype(np.int32), time.astype(np.float64)
+    used = np.zeros(len(start), np.int32)
+    moves = moves_of(building, np.array(start, np.int32), log, np.array(exit_time), exit_used=used)
+    return {flow.name: flow for flow in link_flows(building, moves)}
+
+
+def test_passages_through_portals_and_exits_are_those_of_the_log(building):
+    down = [(0, 3, 1.0), (0, 2, 3.0), (0, 1, 5.0), (0, 0, 7.0)]
+    flows = flows_of(building, [4, 4], [*down[:1], (1, 3, 1.5), (1, 3, 2.0), *down[1:]], [9.0, np.nan])
     times = {name: flow.time.tolist() for name, flow in flows.items()}
-    assert times == {"portal 3": [1.0], "portal 2": [3.0], "portal 1": [5.0], "portal 0": [7.0], "door": [9.0]}
-    assert [flow.forward.tolist() for flow in flows.values()] == [[False], [False], [False], [False], [True]]
+    assert times == {
+        "portal 0": [7.0],
+        "portal 1": [5.0],
+        "portal 2": [3.0],
+        "portal 3": [1.0, 1.5, 2.0],
+        "door": [9.0],
+    }
+    assert flows["portal 3"].forward.tolist() == [False, False, True]  # the second person goes back
+    assert flows["door"].forward.tolist() == [True]
     assert all(flow.flow is None for flow in flows.values())
 
 
-def test_levels_skipped_between_two_recorded_times_are_passed(written):
-    flows = line_flows(written([[[12.0, 3.0]], [[1.0, 1.5]], [[1.0, 1.0]]], [[3], [0], [-1]]))
-    assert {name: flow.people for name, flow in flows.items()} == {
-        "portal 0": 1,
-        "portal 1": 1,
-        "portal 2": 1,
-        "portal 3": 0,
-        "door": 1,
-    }
+def test_a_steady_stream_has_its_rate_and_rows(building):
+    times = 0.5 * np.arange(1, 25)
+    flow = flows_of(building, [4, *[0] * 24], [(0, 3, 0.1)], [np.nan, *times])["door"]
+    assert (flow.people, flow.flow, flow.flow_per_metre) == (24, pytest.approx(2.0), pytest.approx(2.0 / 1.0))
+    rows = list(flow_rows([flow], 12.0))
+    assert [row[0] for row in rows] == [5.0, 10.0, 12.0]
+    assert [row[1:5] for row in rows] == [("exit", "door", "out", count) for count in (10, 20, 24)]
+    assert [row[5:] for row in rows] == [(2.0, 2.0)] * 3
 
 
-def test_there_and_back_counts_twice(written):
-    flow = line_flows(written(np.full((3, 1, 2), 10.0), [[4], [3], [4]]))["portal 3"]
-    assert flow.people == 2
-    assert flow.forward.tolist() == [False, True]
-
-
-def test_a_steady_stream_has_its_rate(written):
-    people = 40
-    level = [[-1 if p < k else 0 for p in range(people)] for k in range(people + 1)]
-    flow = line_flows(written(np.full((people + 1, people, 2), 1.0), level, interval=0.5))["door"]
-    assert flow.people == people
-    assert flow.flow == pytest.approx(2.0)
-    assert flow.flow_per_metre == pytest.approx(2.0 / 1.0)
+def passed(trajectory):
+    """Return the passages through doors and lines by their names."""
+    return {flow.name: flow for flow in line_flows(trajectory)}
 
 
 def test_lines_and_doors_are_passed_where_and_when_they_are(written):
@@ -88,7 +93,7 @@ def test_lines_and_doors_are_passed_where_and_when_they_are(written):
     line = Place("line", "line", 0, LineString([(3.0, 1.0), (3.0, 5.0)]))
     door = Door(0, "door between", 0, np.array([5.0, 2.0, 5.0, 4.0]), 2.0)
     trajectory = replace(trajectory, building=replace(trajectory.building, places=(line,), doors=(door,)))
-    flows = line_flows(trajectory)
+    flows = passed(trajectory)
     assert flows["line"].time.tolist() == pytest.approx([1.75, 8.25])
     assert flows["line"].forward.tolist() == [False, True]  # the line points upwards: to the right, then to the left
     assert flows["line"].person.tolist() == [0, 0]
@@ -101,7 +106,7 @@ def test_lines_that_share_ends_and_lines_in_reverse_count_each_passage_once(writ
     trajectory = written([[[2.0, 3.0], [3.0, 2.0]], [[4.0, 3.0], [4.0, 2.0]]], [[0, 0]] * 2)
     ends = {"low": (1, 3), "high": (3, 5), "low back": (3, 1), "high back": (5, 3)}
     places = tuple(Place(name, "line", 0, LineString([(3.0, y) for y in ys])) for name, ys in ends.items())
-    flows = line_flows(replace(trajectory, building=replace(trajectory.building, places=places)))
+    flows = passed(replace(trajectory, building=replace(trajectory.building, places=places)))
     assert {name: flows[name].person.tolist() for name in ends} == {
         "low": [1],
         "high": [0],
@@ -115,13 +120,4 @@ def test_who_leaves_passes_a_line_before_the_exit(written):
     line = Place("line", "line", 0, LineString([(0.5, 0.0), (0.5, 6.0)]))
     trajectory = written([[[1.0, 1.5]], [[1.0, 1.5]]], [[0], [-1]], interval=2.0)
     trajectory = replace(trajectory, building=replace(trajectory.building, places=(line,)))
-    assert line_flows(trajectory)["line"].time.tolist() == [1.0]
-
-
-def test_rows_of_flows_are_counts_and_means_between_them(written):
-    level = [[-1 if p < k else 0 for p in range(24)] for k in range(25)]
-    flow = line_flows(written(np.full((25, 24, 2), 1.0), level, interval=0.5))["door"]
-    rows = list(flow_rows([flow], 12.0))
-    assert [row[0] for row in rows] == [5.0, 10.0, 12.0]
-    assert [row[1:5] for row in rows] == [("exit", "door", "out", count) for count in (10, 20, 24)]
-    assert [row[5:] for row in rows] == [(2.0, 2.0)] * 3
+    assert passed(trajectory)["line"].time.tolist() == [1.0]

@@ -1,27 +1,40 @@
 """Queues of crowds that were written as they are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from evac.analysis.lines import link_flows
+from evac.analysis.occupancy import recorded_moves
 from evac.analysis.queues import find_queues
+
+
+def queues_of(trajectory):
+    """Return the queues of a trajectory in which nobody passes several links between recorded times."""
+    building, moves = trajectory.building, recorded_moves(trajectory)
+    links = {tuple(sorted([*link.levels, -1][:2])): building.link_of(link) for link in building.links}
+    ends = zip(moves.source.tolist(), moves.target.tolist(), strict=True)
+    moves = replace(moves, link=np.array([links[min(pair), max(pair)] for pair in ends], np.int32))
+    return find_queues(trajectory, link_flows(building, moves))
 
 
 def test_people_who_pass_nothing_wait_for_the_exit_that_is_nearest(written):
     # The first two stand 1 m from the door, the third one comes; they start at 0, 1.5 and 3 s. The last one walks.
     comes = [1.0 if k >= 2 else 9.0 - 4.0 * k for k in range(9)]
     standing = np.array([[[1.0, 1.5], [1.0, 2.0], [x, 1.0], [8.0 - k, 5.0]] for k, x in enumerate(comes)])
-    (queue,) = find_queues(written(standing))
+    (queue,) = queues_of(written(standing))
     assert (queue.cause, queue.level, queue.tail, queue.share) == ("exit 'door'", "floor 0", "floor 0", 1.0)
     assert (queue.people, queue.blocker) == (3, "")
     np.testing.assert_array_equal(queue.near, queue.at_once)
-    (farther,) = find_queues(written(standing + np.array([1.5, 0.0])))  # more than 2 m away
+    (farther,) = queues_of(written(standing + np.array([1.5, 0.0])))  # more than 2 m away
     assert (farther.most, farther.near.max()) == (3, 0)
     assert (queue.most, queue.time, queue.start, queue.end) == (3, 4.0, 1.0, 8.0)
 
 
 def test_stairs_are_causes_the_longest_queue_first(written):
     stands = np.array([[[12.0, 1.0], [12.0, 1.5], [2.0, 5.0]]] * 9)
-    queues = find_queues(written(stands, [[3, 1, 0]] * 9))
+    queues = queues_of(written(stands, [[3, 1, 0]] * 9))
     assert [(queue.cause, queue.people) for queue in queues] == [
         ("stair 'upper'", 1),
         ("stair 'lower'", 1),
@@ -40,7 +53,7 @@ def test_a_queue_goes_on_to_what_is_passed_later_while_those_beyond_wait(written
     trajectory = written(
         np.stack([first, [[x, 1.0] for x, _ in after]], axis=1), np.stack([levels, [at for _, at in after]], axis=1)
     )
-    queues = {queue.cause: queue for queue in find_queues(trajectory)}
+    queues = {queue.cause: queue for queue in queues_of(trajectory)}
     at = {cause: queue.at_once[[1, 6, 12, 17]].tolist() for cause, queue in queues.items()}
     assert at == {"stair 'lower'": [1, 2, 0, 0], "exit 'door'": [0, 0, 2, 1]}
     door = queues["exit 'door'"]
@@ -48,13 +61,13 @@ def test_a_queue_goes_on_to_what_is_passed_later_while_those_beyond_wait(written
 
 
 def test_nobody_waits_before_the_response_time(written):
-    assert find_queues(written(np.full((2, 3, 2), 2.0)))[0].people == 1  # the others start at 1.5 and 3 s
-    assert find_queues(written([[[1.0, 1.0]]])) == ()
+    assert queues_of(written(np.full((2, 3, 2), 2.0)))[0].people == 1  # the others start at 1.5 and 3 s
+    assert queues_of(written([[[1.0, 1.0]]])) == ()
 
 
 def test_who_has_not_started_in_front_of_the_first_is_named(written):
     """The third person starts at 3 s, and stands between the door and another one, who waits from 1 s on."""
     places = [[[1.5, 1.5], [6.0, 5.0], [0.6, 1.5]]] * 4
-    (queue, *_) = find_queues(written(places))
+    (queue, *_) = queues_of(written(places))
     assert queue.blocker == "person 2, who has not started"
-    assert find_queues(written(places * 4))[0].blocker == ""  # most of the waiting is later
+    assert queues_of(written(places * 4))[0].blocker == ""  # most of the waiting is later

@@ -13,7 +13,6 @@ import pyvista
 from PIL import Image, ImageColor
 
 import evac
-from evac.analysis.lines import line_flows
 from evac.analysis.maps import level_maps
 from evac.cli import main
 from evac.export.exporter import export
@@ -166,13 +165,6 @@ def test_maps_show_what_is_closed_at_their_end_and_say_when(trajectory):
     assert "'west' closed at 2 s" in words()
     assert "west (closed)" in words(start=2.5)
     assert "closed at" not in words(start=2.5)
-
-
-def test_passages_are_through_what_is_open(trajectory):
-    flows = line_flows(trajectory)
-    assert flows["west"].people > 0
-    assert flows["west"].time.max() < 2.5
-    assert flows["west"].people + flows["east"].people == 12 - len(trajectory[-1]["person"])
 
 
 def test_exports_have_the_state_at_each_time(trajectory, tmp_path):
