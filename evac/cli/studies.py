@@ -54,7 +54,7 @@ def execute_repeat(arguments: argparse.Namespace) -> int:
     """Run a case with many seeds and compute statistics with confidence intervals.
 
     Results are written to ./CASE-runs, or to --out. Each run is saved as soon as it has ended, and --resume continues a
-    study that was killed. At the end, runs.parquet and runs.csv contain a row for each run, statistics.csv and
+    study that was killed. At the end, runs.arrows and runs.csv contain a row for each run, statistics.csv and
     summary.json the statistics, and egress.csv and egress.png the mean and percentiles of the egress curves. `evac run
     CASE --seed N` repeats one of the runs.
     """
@@ -226,7 +226,7 @@ def show_study(study: "Study") -> int:
         facts["failed"] = f"{counted(failed, 'more run')}, which are in no statistic"
     change = study.step_change
     if len(study.points) == 1 or change is not None:
-        show_facts(facts | _settled_facts(study))
+        show_facts(facts)
         show_table(TITLE, ("statistic", "value [s]", "95 % interval", "over"), statistics_table(study, 0))
     else:
         varied = ", ".join(parameter_keys(study))
@@ -272,18 +272,6 @@ def _show_points(study: "Study") -> None:
         remarks = dict.fromkeys(row[name].note for row in study.statistics if row[name].note)
         for remark in list(remarks)[:MOST_NOTES]:
             note(f"evac: {name}: {remark}")
-
-
-def _settled_facts(study: "Study") -> dict[str, object]:
-    """Return the numbers of runs at which the measures of convergence settled."""
-    from evac.study.outputs import curves
-    from evac.study.statistics import convergence, settled
-
-    settled_runs = settled(convergence(curves(study, 0)))
-    at = [f"{name} after {counted(runs, 'run')}" for name, runs in settled_runs.items() if runs is not None]
-    open_ = [name for name, runs in settled_runs.items() if runs is None]
-    text = "; ".join([", ".join(at), f"not yet: {', '.join(open_)}" if open_ else ""]).strip("; ")
-    return {"convergence (Ronchi et al.)": text}
 
 
 def _show_rule(study: "Study") -> None:

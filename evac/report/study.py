@@ -39,8 +39,8 @@ from evac.results.recordedcase import CaseTable, Record
 from evac.results.results import Results
 from evac.results.tables import TABLES
 from evac.study.maps import maps_over_runs
-from evac.study.outputs import curves, egress, parameter_keys, points_table, quality_of, statistics_table
-from evac.study.statistics import MEDIAN, Estimate, convergence, estimate, settled
+from evac.study.outputs import egress, parameter_keys, points_table, quality_of, statistics_table
+from evac.study.statistics import MEDIAN, Estimate, estimate
 from evac.study.study import Study
 
 #: Percentiles over runs of what exits have [%].
@@ -225,7 +225,6 @@ def _statistics(study: Study) -> Section:
     """Return the section on evacuation times over runs."""
     points = []
     for point, estimates in zip(study.points, study.statistics, strict=True):
-        measures = settled(convergence(curves(study, point.index)))
         points.append(
             {
                 "name": ", ".join(f"{key} = {as_text(value)}" for key, value in point.parameters.items()),
@@ -233,7 +232,6 @@ def _statistics(study: Study) -> Section:
                 "picture": figures.egress_over_runs(study.people(point.index), egress(study, point.index))
                 if estimates.runs
                 else None,
-                "settled": list(measures.items()),
             }
         )
     return section("statistics", "Evacuation times over runs", points=points)

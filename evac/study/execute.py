@@ -1,6 +1,5 @@
 """Execution of the runs of a study: in this process, in a pool of local processes, or by a given executor."""
 
-import json
 import logging
 import math
 import os
@@ -25,7 +24,6 @@ from evac.base.phases import Progress
 from evac.base.processes import Pool
 from evac.results.ending import EVERYBODY_OUT, EVERYBODY_SAFE, FAILED, INTERRUPTED, Stopped
 from evac.results.tables import numbers_of
-from evac.simulation.assembly import make_behaviours, make_contact_model, make_population
 from evac.simulation.shared import SharedSceneFile, shared_scene, simulation_of, write_shared_scene
 from evac.study.maps import maps_of
 from evac.study.points import SEEDS, Point, Seeds
@@ -92,14 +90,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Task:
-    """A run of a point; or, with `only_check`, whether the run is refused.
-
-    It is refused if its people cannot be placed, have no ways, or are not accepted by the contact model.
-    """
+    """A run of a point."""
 
     order: Order
     run: int
-    only_check: bool = False
 
 
 class Execution:
@@ -119,10 +113,7 @@ class Execution:
         self._folder.cleanup()
 
     def rows(self, waiting: deque[Task]) -> Iterator[Row]:
-        """Yield the row of each task as soon as it has ended; tasks may be added meanwhile.
-
-        Those that only check have a row if the run is refused.
-        """
+        """Yield the row of each task as soon as it has ended; tasks may be added meanwhile."""
         if self._executor is None and self._pool is None:
             yield from self._rows_made_here(waiting)
         try:
@@ -140,9 +131,9 @@ class Execution:
             task, begin = waiting.popleft(), time.perf_counter()
             row = make_row(task, self._points[task.order.point].case, partial(self._tick, begin, waiting))
             spent, made = spent + time.perf_counter() - begin, made + 1
-            if row is not None and row.ended == INTERRUPTED:
+            if row.ended == INTERRUPTED:
                 waiting.appendleft(task)
-            elif row is not None:
+            else:
                 yield row
 
     def _tick(self, begin: float, waiting: Sized, progress: Progress) -> None:
@@ -155,7 +146,7 @@ class Execution:
 
     def _rows_made_elsewhere(self, waiting: deque[Task]) -> Iterator[Row]:
         """Yield the rows of tasks of the pool or the executor."""
-        running: dict[Future[Row | None], Task] = {}
+        running: dict[Future[Row], Task] = {}
         most = self._workers if self._executor is None else IN_FLIGHT
         try:
             while waiting or running:
@@ -165,9 +156,7 @@ class Execution:
                 done = wait(running, return_when=FIRST_COMPLETED).done
                 broken = {future for future in done if self._pool and isinstance(future.exception(), BrokenExecutor)}
                 for future in done - broken:
-                    row = _row_of(future, running.pop(future))
-                    if row is not None:
-                        yield row
+                    yield _row_of(future, running.pop(future))
                 if broken:
                     unfinished = list(running.values())
                     running.clear()
@@ -190,8 +179,7 @@ class Execution:
                     " processes (--jobs, from Python workers=1)"
                 )
                 row = _failed_row(task, error)
-            if row is not None:
-                yield row
+            yield row
 
     def _renew(self) -> None:
         """End the processes of the pool; the next task starts others."""
@@ -199,7 +187,7 @@ class Execution:
             self._pool.kill()
         self._pool = None
 
-    def _submitted(self, task: Task) -> "Future[Row | None]":
+    def _submitted(self, task: Task) -> "Future[Row]":
         """Submit a task to the pool or the executor, with the file of its shared scene."""
         task = replace(task, order=replace(task.order, shared_scene=self._shared(task.order)))
         if self._executor is None and self._pool is None:
@@ -207,7 +195,7 @@ class Execution:
         try:
             return (self._executor or self._pool).submit(make_row, task)  # type: ignore[union-attr]
         except BrokenExecutor as error:
-            future: Future[Row | None] = Future()
+            future: Future[Row] = Future()
             future.set_exception(error)
             return future
         except (OSError, RuntimeError) as error:
@@ -227,7 +215,7 @@ class Execution:
         return self._files[order.key]
 
 
-def _row_of(future: "Future[Row | None]", task: Task) -> Row | None:
+def _row_of(future: "Future[Row]", task: Task) -> Row:
     """Return the row of a task that has ended, or raise why it was not executed."""
     error = None if future.cancelled() else future.exception()
     if isinstance(error, EvacError):
@@ -240,16 +228,11 @@ def _row_of(future: "Future[Row | None]", task: Task) -> Row | None:
     return future.result()
 
 
-def make_row(task: Task, case: "Case | None" = None, tick: Callable[[Progress], None] | None = None) -> Row | None:
+def make_row(task: Task, case: "Case | None" = None, tick: Callable[[Progress], None] | None = None) -> Row:
     """Execute a task in this process; an error of the run makes a row with that error."""
     order, base = task.order, case if case is not None else _case_of(task.order)
     try:
         case = base.change(order.seeds.changes(task.run))
-        if task.only_check:
-            scene = shared_scene(base, order.key, order.shared_scene)
-            case.registry.call_all("evac_configure", case=case, registry=case.registry)
-            make_population(case, scene, make_contact_model(case), make_behaviours(case))
-            return None
         if not order.is_mapped:
             return _row(task, simulation_of(case, order.key, order.shared_scene).run(tick))
         with TemporaryDirectory(prefix="evac-run-", ignore_cleanup_errors=True) as place:
@@ -344,16 +327,16 @@ def dask_executor(address: str) -> Iterator[Executor]:
         from distributed import Client
     except ImportError as error:
         raise EvacError('dask.distributed is not installed: pip install "evac[dask]"') from error
-    is_address = ":" in address and not os.path.exists(address)
-    where = address if is_address else _address_in(address)
+    where = {"scheduler_file": address} if os.path.exists(address) else {"address": address}
     # What Dask logs of a lost connection, with tracebacks, also later, is told by an error of the study.
     before = logging.root.manager.disable
     logging.disable()
     try:
-        client = Client(where, timeout=10, set_as_default=False)
-    except (OSError, ValueError) as error:
+        client = Client(**where, timeout=10, set_as_default=False)
+    except (OSError, ValueError, LookupError, TypeError) as error:
         raise EvacError(
-            f"no Dask scheduler answers at {address}: {in_one_line(error)}; start one, or check the address"
+            f"no Dask scheduler answers at {address}: {in_one_line(error)}; start one, and give its address, such as "
+            "tcp://10.0.0.1:8786, or the file that dask scheduler --scheduler-file has written"
         ) from error
     try:
         yield client.get_executor(pure=False, retries=DASK_RETRIES)
@@ -361,21 +344,6 @@ def dask_executor(address: str) -> Iterator[Executor]:
         with suppress(Exception):  # of a scheduler that has ended
             client.close(timeout=10)
     logging.disable(before)
-
-
-def _address_in(path: str) -> str:
-    """Return the address in a scheduler file."""
-    try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-        address = content["address"]
-        if not isinstance(address, str):
-            raise TypeError("its address is not text")
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise EvacError(
-            f"{path}: not a scheduler file of Dask: {in_one_line(error)}; give the file that dask scheduler "
-            "--scheduler-file has written, or an address such as tcp://10.0.0.1:8786"
-        ) from error
-    return address
 
 
 def warn_alone(why: str) -> None:

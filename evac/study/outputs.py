@@ -14,13 +14,11 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import LONGEST_NAME
 from evac.base.errors import counted, in_order
 from evac.folder.files import (
-    CONVERGENCE_NAME,
     EGRESS_NAME,
     EGRESS_PICTURE_NAME,
     MEDIAN_REPLAY_NAME,
     REPLAY_NAME,
     RUNS_NAME,
-    RUNS_PARQUET_NAME,
     STATISTICS_NAME,
     SUMMARY_NAME,
     SWEEP_PICTURE_NAME,
@@ -33,7 +31,7 @@ from evac.results.results import versions
 from evac.simulation.assembly import providers
 from evac.simulation.simulation import Simulation
 from evac.study.points import STEP
-from evac.study.statistics import PERCENTILES, convergence, estimate, percentile_name, settled, time_text
+from evac.study.statistics import PERCENTILES, estimate, percentile_name, time_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,14 +56,9 @@ def write_outputs(study: "Study") -> None:
     """Write all outputs of a study to its folder, besides its rows and replays."""
     folder = study.folder
     with writing("the results", folder):
-        study.write_parquet(folder / RUNS_PARQUET_NAME)
         write_runs(study, folder / RUNS_NAME)
         rows = statistics_rows(study)
         write_csv(folder / STATISTICS_NAME, rows[0], (map(_field, row.values()) for row in rows))
-        measures = [convergence(curves(study, point.index)) for point in study.points]
-        names = ("runs", "TET", "SD", "ERD", "EPC", "SC")
-        lines = ([k, *(_field(row[name]) for name in names)] for k, measured in enumerate(measures) for row in measured)
-        write_csv(folder / CONVERGENCE_NAME, ("point", *names), lines)
         egress_curves = [egress(study, point.index) for point in study.points]
         _write_egress(study, egress_curves, folder / EGRESS_NAME)
         if study.points[0].case.output.picture:
@@ -73,7 +66,7 @@ def write_outputs(study: "Study") -> None:
 
             name = EGRESS_PICTURE_NAME if len(study.points) == 1 else SWEEP_PICTURE_NAME
             save(figure_of(study, egress_curves[0]), folder / name)
-        write_json(folder / SUMMARY_NAME, plain(summary(study, measures)), "the results")
+        write_json(folder / SUMMARY_NAME, plain(summary(study)), "the results")
 
 
 def write_replays(study: "Study") -> None:
@@ -96,12 +89,12 @@ def write_replays(study: "Study") -> None:
             (Path(place) / REPLAY_NAME).replace(study.folder / name)
 
 
-def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[str, Any]:
+def summary(study: "Study") -> dict[str, Any]:
     """Return the content of summary.json."""
     case = study.points[0].case
     rows_of_points = []
-    for point, each, rows in zip(study.points, study.statistics, measures, strict=True):
-        entry: dict[str, Any] = {"parameters": point.parameters, "statistics": asdict(each), "settled": settled(rows)}
+    for point, each in zip(study.points, study.statistics, strict=True):
+        entry: dict[str, Any] = {"parameters": point.parameters, "statistics": asdict(each)}
         entry["safety"] = study.safety(point.index)
         if study.rule.until is not None:
             entry["known"] = study.rule.is_known(study.times(point.index), study.populations(point.index))
@@ -266,13 +259,6 @@ def out_over_runs(time: FloatArray, exit_times: Iterable[FloatArray]) -> dict[st
     out = np.array([np.searchsorted(np.sort(times), time, "right").astype(np.int32) for times in exit_times])
     percentiles = {f"percentile_{of:g}_over_runs": np.percentile(out, of, axis=0) for of in PERCENTILES}
     return {"time": time, "mean_over_runs": out.mean(axis=0), **percentiles}
-
-
-def curves(study: "Study", point: int) -> Iterator[FloatArray]:
-    """Yield the ascending exit times of the complete runs of a point."""
-    for row in study.rows(point, ["blocked", "exit_time"]):
-        if not row["blocked"] and len(row["exit_time"]):
-            yield np.sort(row["exit_time"])
 
 
 def _write_egress(study: "Study", curves: Sequence[Mapping[str, FloatArray]], path: Path) -> None:

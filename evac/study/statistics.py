@@ -10,16 +10,10 @@ simulations of a case, of 100 or more randomly generated populations, each repea
 is higher than 95 % of all calculated times. If the repetitions vary little, 500 populations with one simulation each
 may be used instead. In a repetition the same people (radius, height, mass, tau, speeds) start at other positions and
 make other random decisions.
-
-`convergence` has the measures of Ronchi, Reneke and Peacock (Fire Technology 50 (2014) 1545-1571): the change of
-averages by one more run. The curve of a run consists of the times at which the first, second, ... person leaves; the
-average curve of j runs is the mean of their curves, and the measures compare the averages of j and of j - 1 runs, as
-Peacock et al. (Fire Safety Journal 33 (1999)) compare curves. They decrease with the number of runs even if the
-averages are far from the expected values, so they do not measure uncertainty; the confidence intervals do.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import Any
@@ -53,13 +47,6 @@ MEDIAN = "percentile 50"
 
 #: The scheme of the IMO.
 IMO_POPULATIONS, IMO_REPETITIONS = 100, 5
-
-#: A study has settled if its measures of convergence are below these bounds for `CONSECUTIVE` runs; our choice.
-BOUNDS = {"TET": 0.01, "SD": 0.05, "ERD": 0.01, "EPC": 0.01, "SC": 0.01}
-CONSECUTIVE = 10
-
-#: Distance between the points of a curve joined by a secant, as a share of the people.
-SECANT = 0.05
 
 
 @dataclass(frozen=True)
@@ -507,64 +494,3 @@ def variation(times: FloatArray, populations: Sequence[int]) -> Variation:
     between = math.sqrt(max(0.0, (square_between - square_within) / size))
     probability = float(fdtrc(free_between, free_within, square_between / square_within)) if square_within else 0.0
     return Variation(reported, between, math.sqrt(square_within), probability)
-
-
-def convergence(curves: Iterable[FloatArray]) -> list[dict[str, Any]]:
-    """Return the measures after 2, 3, ... complete runs, from the ascending exit times (people,) [s] of each.
-
-    Only one curve at a time is kept in memory. The number of people can differ between runs to which they come at a
-    rate: then a curve has as many points as the first one.
-    """
-    rows: list[dict[str, Any]] = []
-    times: list[float] = []
-    total = average = None
-    before: tuple[float, float, float] | None = None
-    deviation_before = 0.0
-    for curve in curves:
-        times.append(float(curve[-1]))
-        if total is not None and len(curve) != len(total):
-            curve = np.interp(np.linspace(0.0, 1.0, len(total)), np.linspace(0.0, 1.0, len(curve)), curve)
-        total = curve.astype(np.float64) if total is None else total + curve
-        j = len(times)
-        new = total / j
-        if j > 1 and average is not None:
-            deviation = float(np.std(times, ddof=1))
-            measures = compared(new, average)
-            mean, mean_before = float(np.mean(times)), float(np.mean(times[:-1]))
-            row: dict[str, Any] = {"runs": j, "TET": abs(mean - mean_before) / mean}
-            row["SD"] = abs(deviation - deviation_before) / deviation if j > 2 and deviation else None
-            for k, name in enumerate(("ERD", "EPC", "SC")):
-                row[name] = abs(measures[k] - before[k]) if before is not None else None
-            rows.append(row)
-            before, deviation_before = measures, deviation
-        average = new
-    return rows
-
-
-def compared(curve: FloatArray, other: FloatArray) -> tuple[float, float, float]:
-    """Return Euclidean relative difference, Euclidean projection coefficient and secant cosine of two curves.
-
-    With x and y the curves: ``|x - y| / |y|``, ``x . y / |y|^2``, and the cosine of the angle between the vectors of
-    the secants ``x[i + s] - x[i]`` and ``y[i + s] - y[i]``. For equal curves they are 0, 1 and 1.
-    """
-    size = float(np.linalg.norm(other))
-    s = max(1, round(SECANT * len(curve)))
-    secants, others = curve[s:] - curve[:-s], other[s:] - other[:-s]
-    norms = float(np.linalg.norm(secants) * np.linalg.norm(others))
-    cosine = float(secants @ others) / norms if norms else 1.0
-    if not size:
-        return 0.0, 1.0, cosine
-    return float(np.linalg.norm(curve - other)) / size, float(curve @ other) / size**2, cosine
-
-
-def settled(rows: Sequence[Mapping[str, Any]]) -> dict[str, int | None]:
-    """Return, by measure, the number of runs at which it was below its bound `CONSECUTIVE` times in a row."""
-    runs_by_name: dict[str, int | None] = {}
-    for name, bound in BOUNDS.items():
-        runs_by_name[name], streak = None, 0
-        for row in rows:
-            streak = streak + 1 if row[name] is not None and row[name] < bound else 0
-            if streak == CONSECUTIVE:
-                runs_by_name[name] = row["runs"]
-                break
-    return runs_by_name

@@ -7,7 +7,6 @@ that data frame libraries read.
 Rows are appended to ``runs.arrows``, an Arrow stream: each row is one record batch with a checksum, written with one
 call, so that after a kill at most the last one is incomplete. The first record that is incomplete or damaged, and all
 that follows it, is overwritten when rows are appended again. The manifest has the digest of a complete stream.
-``runs.parquet`` is only written, for other programs.
 """
 
 import json
@@ -22,7 +21,6 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 import pyarrow as pa
 import pyarrow.ipc
-import pyarrow.parquet as pq
 
 from evac.base.errors import ResultError, in_one_line, naming, text_of, usable_path
 from evac.building.model.building import Building
@@ -51,9 +49,6 @@ if TYPE_CHECKING:
 
 #: Longest time after which rows are forced to disk, when the next one is appended [s].
 SYNC_EVERY = 1.0
-
-#: Number of rows in a group of the Parquet file.
-GROUP_ROWS = 100
 
 #: Columns that tell which runs there are.
 INDEXED = ("point", "run", "ended", "last_out")
@@ -173,14 +168,6 @@ class RowStore:
         with writing("the rows", self._path):
             os.truncate(self._path, self._end)
             note_written([self._path], sha256=digest_of_file(self._path))
-
-    def write_parquet(self, path: Path) -> None:
-        """Write all rows, sorted by point and run, to a Parquet file."""
-        wanted = sorted(self.entries)
-        with replacing(path, "the rows") as new, pq.ParquetWriter(new, self.schema, compression="zstd") as writer:
-            for start in range(0, len(wanted), GROUP_ROWS):
-                batches = self._batches(wanted[start : start + GROUP_ROWS], self.schema.names)
-                writer.write_table(pa.Table.from_batches(batches, self.schema))
 
     def table(self) -> pa.Table:
         """Return all rows as one table, sorted by point and run."""

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -154,8 +154,8 @@ class Study:
         executor: Executor | None = None,
         progress: Callable[[StudyProgress], None] | None = None,
     ) -> None:
-        """Check all missing runs, execute and store those that are not refused; raise if all runs failed."""
-        failed: list[Row] = []
+        """Execute and store all missing runs; raise if all runs failed."""
+        failed: dict[tuple[int, int], EvacError] = {}
         waiting: deque[Task] = deque()
 
         def keep(row: Row) -> None:
@@ -163,29 +163,20 @@ class Study:
             self._there[row.point] += 1
             waiting.extend(self._further(self._orders[row.point]))
             if row.error is not None:
-                failed.append(row)
+                failed[row.point, row.run] = row.error
             if progress is not None:
                 progress(StudyProgress(self.done, sum(self._wanted), row))
 
-        missing = [self._missing(order.point, range(self.rule.first)) for order in self._orders]
-        tasks = {(o.point, run): Task(o, run) for o, runs in zip(self._orders, missing, strict=True) for run in runs}
+        for order in self._orders:
+            missing = self._missing(order.point, range(self.rule.first))
+            waiting.extend([Task(order, run) for run in missing] or self._further(order))
         with Execution(self.points, workers, executor) as execution, closing(self._store):
-            checks = deque(replace(task, only_check=True) for task in tasks.values() if len(tasks) > 1)
-            refused = sorted(execution.rows(checks), key=_place)
-            if refused and len(refused) == self.rule.first * len(self.points):
-                raise _first_error(refused)
             if progress is not None:
                 progress(StudyProgress(self.done, sum(self._wanted), None))
-            for row in refused:
-                keep(row)
-                del tasks[_place(row)]
-            waiting.extend(tasks.values())
-            for order, runs in zip(self._orders, missing, strict=True):
-                waiting.extend(() if runs else self._further(order))
             for row in execution.rows(waiting):
                 keep(row)
         if failed and all(math.isnan(entry.last_out) for entry in self._store.entries.values()):
-            raise _first_error(failed)
+            raise failed[min(failed)]
         self._store.complete()
         self._write_buildings()
 
@@ -319,10 +310,6 @@ class Study:
         """Return all rows, also of failed runs, as an Arrow table, with the exit times of all people in memory."""
         return self._store.table()
 
-    def write_parquet(self, path: Path) -> None:
-        """Write `table` to a Parquet file, a few rows at a time."""
-        self._store.write_parquet(path)
-
     def to_pandas(self) -> "pandas.DataFrame":
         """Return `table` as a pandas data frame."""
         return self.table().to_pandas()
@@ -415,14 +402,3 @@ def read_study(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> S
         return Study(points, seeds, Rule(**definition["rule"]), place)
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise ResultError(f"{place / STUDY_NAME}: not that of a study: {in_one_line(error)}") from error
-
-
-def _place(row: Row) -> tuple[int, int]:
-    return row.point, row.run
-
-
-def _first_error(failed: Sequence[Row]) -> EvacError:
-    """Return the error of the first point and seed that failed."""
-    error = min(failed, key=_place).error
-    assert error is not None
-    return error

@@ -73,8 +73,7 @@ def kill_studies(folder, kills, runs, scheduler="", seed=1):
     script = folder / "script.py"
     script.write_text(SCRIPT)
     rng = random.Random(seed)
-    evac.sweep(evac.load("square_room", CHANGES), POINTS, runs, folder=folder / "whole", workers=1)
-    wanted = (folder / "whole" / "runs.parquet").read_bytes()
+    wanted = evac.sweep(evac.load("square_room", CHANGES), POINTS, runs, workers=1).table()
     killed = studies = 0
     while killed < kills:
         place, seen, is_complete = folder / f"study-{studies}", set(), False
@@ -90,7 +89,7 @@ def kill_studies(folder, kills, runs, scheduler="", seed=1):
             assert not rows & seen  # what has been told of is not made again
             seen |= rows
             is_complete = any("complete" in line for line in lines)
-        assert (place / "runs.parquet").read_bytes() == wanted
+        assert evac.read_study(place).table().equals(wanted)
 
 
 def test_a_study_that_is_killed_a_few_times_loses_nothing(tmp_path):

@@ -1,4 +1,4 @@
-"""Intervals against exact answers and true coverage; blocked runs; measures of convergence by hand; populations."""
+"""Intervals against exact answers and true coverage; blocked runs; populations."""
 
 import math
 
@@ -7,10 +7,6 @@ import pytest
 from scipy.stats import binom, norm
 
 from evac.study.statistics import (
-    BOUNDS,
-    CONSECUTIVE,
-    compared,
-    convergence,
     deciding,
     difference,
     estimate,
@@ -19,7 +15,6 @@ from evac.study.statistics import (
     mean_interval,
     percentile,
     percentile_interval,
-    settled,
     share_interval,
     statistics,
     variation,
@@ -219,37 +214,6 @@ def test_failed_runs_are_in_no_statistic():
     assert (found.runs, found.failed) == (20, 1)
     assert repr((found.mean, found.percentiles)) == repr((statistics(times).mean, statistics(times).percentiles))
     assert math.isnan(statistics(np.full(2, math.nan)).mean.value)
-
-
-def test_curves_that_are_the_same_have_no_difference():
-    curve = np.array([1.0, 2.0, 4.0])
-    assert compared(curve, curve) == pytest.approx((0.0, 1.0, 1.0))
-
-
-def test_measures_of_curves_by_hand():
-    one, other = np.array([3.0, 4.0, 6.0]), np.array([3.0, 5.0, 6.0])
-    difference, projection, cosine = compared(one, other)
-    assert difference == pytest.approx(1.0 / math.sqrt(70.0))
-    assert projection == pytest.approx(65.0 / 70.0)
-    assert cosine == pytest.approx((1 * 2 + 2 * 1) / (math.sqrt(5.0) * math.sqrt(5.0)))
-
-
-def test_measures_compare_the_averages_of_consecutive_numbers_of_runs():
-    curves = [np.array([1.0, 2.0]), np.array([1.0, 4.0]), np.array([1.0, 3.0])]
-    rows = convergence(curves)
-    assert [row["runs"] for row in rows] == [2, 3]
-    assert rows[0]["TET"] == pytest.approx(1.0 / 3.0)
-    assert rows[0]["SD"] is rows[0]["ERD"] is None
-    assert rows[1]["TET"] == 0.0
-    assert rows[1]["SD"] == pytest.approx(abs(1.0 - math.sqrt(2.0)))
-    before = compared(np.array([1.0, 3.0]), np.array([1.0, 2.0]))
-    assert rows[1]["ERD"] == pytest.approx(before[0])
-
-
-def test_a_study_settles_after_enough_small_changes():
-    rows = [{"runs": k + 2, **dict.fromkeys(BOUNDS, 1.0 if k == 3 else 0.0)} for k in range(20)]
-    assert settled(rows) == dict.fromkeys(BOUNDS, 5 + CONSECUTIVE)
-    assert settled(rows[:10]) == dict.fromkeys(BOUNDS, None)
 
 
 def test_the_time_that_exceeds_95_percent_of_500():
