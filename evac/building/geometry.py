@@ -79,8 +79,16 @@ def flat_parts(geometry: BaseGeometry) -> BaseGeometry:
 
 @remembered
 def united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
-    """Return the union of polygons on the grid of plans."""
-    return flat_parts(shapely.union_all(polygons, grid_size=GRID))
+    """Return the union of polygons on the grid of plans; those that meet are united apart from the others."""
+    given = np.array(polygons, dtype=object)
+    group = connected_components(len(given), shapely.STRtree(given).query(given, "intersects").T)
+    order = np.argsort(group, kind="stable")
+    parts = np.split(given[order], np.flatnonzero(np.diff(group[order])) + 1)
+    wholes = [
+        shapely.union(*own, grid_size=GRID) if len(own) == 2 else shapely.union_all(own, grid_size=GRID)
+        for own in parts  # a union of two is faster
+    ]
+    return flat_parts(shapely.multipolygons(shapely.get_parts(wholes)))
 
 
 def rounded(points: ArrayLike) -> FloatArray:

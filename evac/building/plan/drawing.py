@@ -34,9 +34,9 @@ from evac.building.plan.outlines import (
     between_rooms,
     covered,
     distinct,
+    doorway,
     nearest,
     normal,
-    placed,
     strips,
     with_walls,
     written,
@@ -208,7 +208,7 @@ class Drawing:
         for name, rows in by_storey.items():
             if ground := [*(part for row in rows for part in opened[row]), *outer.get(name, ())]:
                 # Ground of several doors to the outside at one place may leave slivers between them.
-                self.floors[name] = united([self.floors[name], *ground])
+                self.floors[name] = united([self.floors[name], united(ground)])
                 whole = shapely.get_parts(self.floors[name])
                 holes = [[ring for ring in one.interiors if shapely.Polygon(ring).area > LEAST_AREA] for one in whole]
                 if sum(map(len, holes)) < shapely.get_num_interior_rings(whole).sum():
@@ -248,13 +248,11 @@ class Drawing:
     def _open_door(self, door: Item, floor: BaseGeometry) -> tuple[list[BaseGeometry], bool]:
         """Return the ground between a door and the rooms on both its sides, and whether there are such on both."""
         assert door.segment is not None
-        segment, change = placed(floor, door.segment, door.reach)
+        segment, change, found = doorway(floor, door.segment, door.reach)
         if change:
             remedy = "" if door.key else f"segment = {segment.tolist()}"
             text = f"door {door.name!r} {change}"
             self._find("assumed", text, door.storey, segment, key_of("doors", door), remedy)
-        left = normal(segment)
-        found = strips(floor, segment, np.stack([left, -left]), door.reach)
         ground = [side.polygon for side in found if side is not None and not side.polygon.is_empty]
         if all(found):
             z = self.plan.storeys[door.storey].z
@@ -489,7 +487,7 @@ class Drawing:
         edge = f"{nearest(self.rooms[item.storey], segment, reach=DOOR_REACH)}: put both ends of the exit on it"
         if shapely.intersects_xy(floor, middle + BESIDE * np.stack([left, -left])).all():
             raise ValueError(f"{written(segment)} runs through the floor of storey {item.storey!r}; {edge}")
-        beside_it = strips(floor, segment, np.stack([left, -left]), DOOR_REACH)
+        beside_it = strips(floor, segment, np.outer([1.0, -1.0], left), DOOR_REACH)
         inward = [side for side in beside_it if side is not None and not side.polygon.is_empty]
         if len(inward) > 1:
             raise ValueError(between_rooms(segment, item.storey))

@@ -247,7 +247,6 @@ def strip(polygon: BaseGeometry, ends: FloatArray, way: FloatArray, reach: float
     return strips(polygon, ends, way[None], reach)[0]
 
 
-@remembered
 def strips(polygon: BaseGeometry, ends: FloatArray, ways: FloatArray, reach: float) -> tuple[Strip | None, ...]:
     """Return the strips of ground between a segment and a floor in some directions, None where there is no floor.
 
@@ -336,7 +335,10 @@ def with_walls(rooms: Sequence[BaseGeometry], thickness: float) -> list[BaseGeom
     """Shrink adjacent rooms so that walls of a given thickness fit between them; outer sides are not moved."""
     outlines = shapely.boundary(np.array(rooms, dtype=object))
     one, other = shapely.STRtree(outlines).query(outlines, "intersects")
-    one, other = one[one < other], other[one < other]
+    low, high = shapely.bounds(outlines)[:, :2], shapely.bounds(outlines)[:, 2:]
+    meets = np.minimum(high[one], high[other]) - np.maximum(low[one], low[other])
+    is_pair = (one < other) & (meets.max(axis=1) > 0.0)  # more than a corner
+    one, other = one[is_pair], other[is_pair]
     shared, pair = shapely.get_parts(shapely.intersection(outlines[one], outlines[other]), return_index=True)
     is_line = shapely.get_type_id(shared) == shapely.GeometryType.LINESTRING
     lines, walls = np.tile(shared[is_line], 2), np.concatenate([one[pair[is_line]], other[pair[is_line]]])
@@ -359,6 +361,15 @@ def distinct(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
 
 
 @remembered
+def doorway(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatArray, str, tuple[Strip | None, ...]]:
+    """Return the segment of a door along its wall, what was changed, and the ground on its left and right."""
+    both = np.outer([1.0, -1.0], normal(ends))
+    if shapely.disjoint(floor, shapely.linestrings(ends)) and all(beside := strips(floor, ends, both, reach)):
+        return ends, "", beside
+    segment, change = placed(floor, ends, reach)
+    return segment, change, strips(floor, segment, np.outer([1.0, -1.0], normal(segment)), reach)
+
+
 def placed(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatArray, str]:
     """Return the segment of a door along its wall, and a description of what was changed, if anything.
 

@@ -284,5 +284,5 @@ def _triangles(plan: BaseGeometry, height: Height, corners: FloatArray, tree: sh
 
 def _lifted(plan: FloatArray, height: Height) -> FloatArray:
     """Return points (n, 2) in plan with their heights, (n, 3)."""
-    z = [height(x, y) if callable(height) else height for x, y in plan.tolist()]
+    z = [height(x, y) for x, y in plan.tolist()] if callable(height) else np.full(len(plan), height)
     return rounded(np.column_stack([plan, np.array(z, np.float64)]))
