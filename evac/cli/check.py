@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 PLAN = ".plan.toml"
 #: Beginnings of the names of files of a run that a command writes again from its trajectory.
 WRITTEN_AGAIN = {"replay.html": "replay", "report.html": "report", "map_": "map"}
-#: Kinds of findings in the list of assumptions.
-ASSUMED = ("assumed", "repaired", "left out")
 
 
 def declare_check(parser: argparse.ArgumentParser) -> None:
@@ -76,7 +74,7 @@ def _check_building(arguments: argparse.Namespace, path: Path) -> int:
         _draw(arguments.picture, building, told, path.name)
         if not arguments.json:
             show_building(building, arguments.verbose)
-            show_warnings(building.warnings)
+            show_findings(told)
             # Last, so that a user who has to add an exit sees the levels first.
             if not building.exits:
                 raise refusal(path, told[-1:])
@@ -107,6 +105,7 @@ def _check_case(arguments: argparse.Namespace, path: Path) -> int:
             building = make_building(case)
             if not arguments.json:
                 show_building(building, arguments.verbose)
+                show_findings(building.findings)
             _draw(arguments.picture, building, building.findings, case.title)
             raise
         told += simulation.findings
@@ -115,7 +114,8 @@ def _check_case(arguments: argparse.Namespace, path: Path) -> int:
             show_people(simulation)
             show_available(simulation)
             show_course(case)
-            show_warnings(simulation.warnings())
+            show_findings(told)
+            show_warnings(simulation.warnings()[sum(one.kind == "warning" for one in told) :])
         _draw(arguments.picture, simulation.building, told, case.title)
     return print_findings(path, told) if arguments.json else 0
 
@@ -130,11 +130,25 @@ def _telling(arguments: argparse.Namespace, title: str) -> "Iterator[list[Findin
         yield told
     except EvacError as error:
         found, building = (error.findings, error.building) if isinstance(error, BuildingError) else ((), None)
-        if building is not None:
-            _draw(arguments.picture, building, (*found, *building.findings), title)
+        if building is not None and arguments.picture is not None:
+            listed = (*found, *building.findings)
+            if not arguments.json:
+                show_findings(listed)
+            _draw(arguments.picture, building, listed, title)
         if not arguments.json:
             raise
         told += found or [Finding("error", line) for line in str(error).splitlines()]
+
+
+def show_findings(findings: "Sequence[Finding]") -> None:
+    """Show findings, repeats together, with the numbers that they have in pictures and as JSON."""
+    from evac.building.model.findings import and_more, listed
+
+    rows = [
+        (number, own[0].kind, own[0].item or "", own[0].where, f"{own[0].text}{own[0].advice}{and_more(own)}")
+        for number, own in listed(findings)
+    ]
+    show_table("Findings", ("number", "kind", "item", "place", "description"), rows)
 
 
 def print_findings(path: Path, findings: "Sequence[Finding]") -> int:
@@ -264,7 +278,9 @@ def _known_part(case: "Case", is_verbose: bool) -> "Case | None":
         show_warnings([f"{case.mesh}: not checked, because no importer reads it without the plugin files"])
         return None
     if ("contact", "model") in case.unchecked:
-        show_building(make_building(case), is_verbose)
+        building = make_building(case)
+        show_building(building, is_verbose)
+        show_findings(building.findings)
         show_warnings(["people are not checked, because the contact model needs the plugin files"])
         return None
     return without_unknown(case)
@@ -280,9 +296,7 @@ def _draw(path: Path | None, building: "Building", findings: "Sequence[Finding]"
 
 
 def show_building(building: "Building", is_verbose: bool) -> None:
-    """Show levels, portals, exits, doors, areas, stairs and assumptions; portals within stairs only if verbose."""
-    from evac.building.model.findings import and_more, grouped
-
+    """Show levels, portals, exits, doors, areas and stairs; portals within stairs only if verbose."""
     show_facts({"building": building.source, "walls": f"{len(building.walls)} segments"})
 
     def row_of(level: "Level") -> tuple[object, ...]:
@@ -327,9 +341,6 @@ def show_building(building: "Building", is_verbose: bool) -> None:
     )
     title += " the level; others are stairs, walked at speed_up and speed_down"
     show_table(title, ("stair", "shaft", "z [m]", "flights", "steepest [deg]", "walked as"), stairs)
-    groups = grouped(finding for finding in building.findings if finding.kind in ASSUMED)
-    assumed = [(own[0].kind, own[0].where, f"{own[0].text}{and_more(own)}") for own in groups]
-    show_table("Assumed, repaired or left out", ("kind", "place", "description"), assumed)
 
 
 def show_available(simulation: "Simulation") -> None:
@@ -349,7 +360,6 @@ def show_people(simulation: "Simulation") -> None:
     """Show the groups with their start levels and their times to an exit."""
     import numpy as np
 
-    from evac.building.model.findings import and_more, grouped
     from evac.people.ways import walked_lengths
 
     population = simulation.population
@@ -383,9 +393,6 @@ def show_people(simulation: "Simulation") -> None:
     if simulation.stopping:
         reach = f"Not all fit through the ways to an exit{others}; see warnings for narrow places"
     show_table(f"People: {len(crowd.level)}. {reach}.", columns, rows)
-    groups = grouped(population.left_out)
-    out = [(own[0].where, f"{own[0].text}{and_more(own)}") for own in groups]
-    show_table("Left out, since the case does not name it", ("place", "ground"), out)
 
 
 def show_course(case: "Case") -> None:

@@ -20,7 +20,7 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Building, Level
 from evac.building.model.elevation import level_elevation
-from evac.building.model.findings import Finding, and_more, grouped
+from evac.building.model.findings import Finding, and_more, listed
 from evac.pictures import palette
 from evac.pictures.floorplan import HEIGHT, WIDTH, beside, draw_plans, outline_of
 from evac.pictures.writing import legible_figure, save
@@ -76,7 +76,7 @@ def levels_figure(
     numbers at their places and listed below; those that repeat each other have one number.
     """
     plans = draw_plans(building, title, side=MARGIN, has_widths=True, greatest=greatest, part=part)
-    listed = list(enumerate(grouped(finding for finding in findings if finding.kind != "found"), start=1))
+    groups = listed(findings)
     panels = [[level.index for level in levels] for levels in plans.levels]
     for number, (axes, levels) in enumerate(zip(plans.axes, plans.levels, strict=True)):
         _show_coordinates(axes)
@@ -88,9 +88,9 @@ def levels_figure(
                 beside(axes, segment, mark.label, OPENING)
         with legible_figure(plans.figure):
             _keep_apart(plans.figure, axes)
-        for own in _by_place(building, panels, listed, number):
+        for own in _by_place(building, panels, groups, number):
             _draw_findings(axes, own)
-    _list_below(plans.figure, listed)
+    _list_below(plans.figure, groups)
     return plans.figure
 
 
@@ -169,18 +169,18 @@ def _move_inside(axes: Axes, text: Text, box: Bbox) -> None:
         text.set_position(axes.transData.inverted().transform((x + dx, y + dy)).tolist())
 
 
-def _list_below(figure: Figure, listed: list[tuple[int, list[Finding]]]) -> None:
+def _list_below(figure: Figure, groups: list[tuple[int, list[Finding]]]) -> None:
     """Enlarge a figure at the bottom and list findings there."""
     width, height = figure.get_size_inches().tolist()
     lines = list[tuple[str, str]]()
-    for number, group in listed[:MOST_LISTED]:
+    for number, group in groups[:MOST_LISTED]:
         words = f"{number}  {group[0].kind}: {group[0]}{and_more(group)}"
         letters = round(LETTERS * (width - 2 * MARGIN))
         lines += [(line, MARK[group[0].kind]) for line in textwrap.wrap(words, letters, subsequent_indent="     ")]
     if not lines:
         return
-    if len(listed) > MOST_LISTED:
-        lines.append((f"and {len(listed) - MOST_LISTED} more", palette.TEXT))
+    if len(groups) > MOST_LISTED:
+        lines.append((f"and {len(groups) - MOST_LISTED} more", palette.TEXT))
     below = LINE * len(lines) + MARGIN
     total = height + below
     for axes in figure.axes:
@@ -218,11 +218,11 @@ def _arrow(axes: Axes, level: Level) -> None:
 
 
 def _by_place(
-    building: Building, panels: list[list[int]], listed: list[tuple[int, list[Finding]]], panel: int
+    building: Building, panels: list[list[int]], groups: list[tuple[int, list[Finding]]], panel: int
 ) -> list[list[tuple[int, Finding]]]:
     """Return the findings at each place of a storey, with their numbers."""
     by_place: dict[tuple[float, float], list[tuple[int, Finding]]] = {}
-    for number, finding in ((number, one) for number, group in listed[:MOST_LISTED] for one in group):
+    for number, finding in ((number, one) for number, group in groups[:MOST_LISTED] for one in group):
         if finding.place is not None and panel_of(building, panels, finding) == panel:
             x, y = finding.place[:2]
             by_place.setdefault((round(x, 1), round(y, 1)), []).append((number, finding))

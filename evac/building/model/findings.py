@@ -151,13 +151,19 @@ def grouped(findings: Iterable[Finding]) -> list[list[Finding]]:
     return [*groups.values()]
 
 
+def listed(findings: Iterable[Finding]) -> list[tuple[int, list[Finding]]]:
+    """Return findings, repeats together, with the numbers that they have in tables, pictures and as JSON."""
+    return list(enumerate(grouped(one for one in findings if one.kind != "found"), start=1))
+
+
 def numbered_rows(findings: Sequence[Finding]) -> list[dict[str, Any]]:
-    """Return findings as plain data, repeats together, with the numbers that they have in pictures."""
-    numbers, rows = itertools.count(1), []
-    for first, *others in grouped(findings):
-        number = next(numbers) if first.kind != "found" else None
-        rows.append({"number": number, "kind": first.kind} | _row(first) | {"others": [_row(one) for one in others]})
-    return rows
+    """Return findings as plain data, repeats together; those of kind ``found`` have no number and come last."""
+    groups: list[tuple[int | None, list[Finding]]] = [*listed(findings)]
+    groups += [(None, own) for own in grouped(one for one in findings if one.kind == "found")]
+    return [
+        {"number": number, "kind": own[0].kind} | _row(own[0]) | {"others": [_row(one) for one in own[1:]]}
+        for number, own in groups
+    ]
 
 
 def _row(finding: Finding) -> dict[str, Any]:
