@@ -83,6 +83,9 @@ class Motion(Struct):
     velocity: Pairs  # (n, 2) displacement velocity in the last tick [m/s]
     factor: Floats  # (n,) share of the desired speed
     left: Floats  # (n,) speed that others left in the last tick, by which people decide how far they look [m/s]
+    standing: int  # number of people who do not want to walk
+    fastest: float  # greatest velocity [m/s]
+    widest: float  # greatest contact radius [m]
 
 
 class Seen(Struct):
@@ -222,7 +225,15 @@ class Walking(Behaviour):
         heading, following, desired, velocity = np.zeros((4, n, 2))
         factor, left = np.ones((2, n))
         self._motion = Motion(
-            heading=heading, next=following, desired=desired, velocity=velocity, factor=factor, left=left
+            heading=heading,
+            next=following,
+            desired=desired,
+            velocity=velocity,
+            factor=factor,
+            left=left,
+            standing=0,
+            fastest=0.0,
+            widest=float(scene.crowd.contact_radius.max(initial=0.0)),
         )
         self._seen = Seen(
             number=0,
@@ -276,11 +287,15 @@ def walk(
     turn = 1.0
     if rule.reaction_time > 0.0:
         turn = 1.0 - math.exp(-tick / rule.reaction_time)
+    motion.standing, motion.fastest = 0, 0.0
     for i in range(n):
         motion.next[i, 0], motion.next[i, 1] = sights.direction[i, 0], sights.direction[i, 1]
         motion.desired[i, 0], motion.desired[i, 1] = sights.direction[i, 0], sights.direction[i, 1]
         if sights.level[i] >= sights.levels:
             motion.velocity[i, 0], motion.velocity[i, 1] = outside.velocity[i, 0], outside.velocity[i, 1]
+        if sights.level[i] >= 0:
+            motion.standing += sights.wanted[i] <= 0.0
+            motion.fastest = max(motion.fastest, math.sqrt(motion.velocity[i, 0] ** 2 + motion.velocity[i, 1] ** 2))
         if motion.heading[i, 0] == 0.0 and motion.heading[i, 1] == 0.0:
             motion.heading[i, 0], motion.heading[i, 1] = sights.direction[i, 0], sights.direction[i, 1]
     for i in range(n):
@@ -378,7 +393,13 @@ def look(world, crowd, sights, seen, motion, rule, length, most, i):  # type: ig
     wanted, is_inside = sights.wanted[i], sights.level[i] < sights.levels
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     hx, hy = motion.heading[i, 0], motion.heading[i, 1]
-    list_near(world, sights, i, length + rule.horizon * wanted, ex, ey, hx, hy)
+    reach = length + rule.horizon * wanted
+    if motion.standing == 0:  # nobody farther away leaves less
+        wide = crowd.contact_radius[i] + motion.widest
+        behind = max(wide - rule.chest_depth, 0.0) + length + most * (rule.headway + rule.anticipation)
+        aside = abs(rule.right) + most * max(rule.horizon, rule.stop_time) * (1.0 + motion.fastest / wanted)
+        reach = min(reach, LONGEST * max(behind, wide + GAP + max(aside, rule.stop_time * wanted)))
+    list_near(world, sights, i, reach, ex, ey, hx, hy)
     seen.number = 0
     for k in range(sights.number):
         j = sights.near[k]

@@ -97,7 +97,8 @@ class RouteField(Saved):
         From now on, times are those to the next portal or exit plus its time without a crowd, and are not written.
         """
         waves = self.waves
-        self._march(set(self._places), set(self._places))  # with the speeds that smoke leaves
+        if self._factor is not self._clear:  # with the speeds that smoke leaves
+            self._march(set(self._places), set(self._places))
         links, nodes = self._gates.at, np.arange(len(waves.before))
         after = np.where(waves.before >= 0, waves.before, nodes)
         after = np.where(after == waves.twin, np.where(waves.before[after] >= 0, waves.before[after], after), after)
