@@ -1,7 +1,6 @@
 """Importer of IFC files (extra evac[ifc]): spaces, slabs, walls, columns, doors and stairs by their geometry."""
 
 import re
-import zipfile
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 from evac.base.parameters import Parameter
 from evac.building.importer import Importer, optional_library
 from evac.building.model.findings import Finding
-from evac.building.recover.products import LIBRARIES, read_products
+from evac.building.recover.products import LIBRARY, read_products
 
 if TYPE_CHECKING:
     from evac.building.plan.plan import Plan
@@ -62,8 +61,6 @@ DIRECTION = rb"#%d\s*=\s*IFCDIRECTION\s*\(\s*\(\s*([^,;]+),\s*([^,;)]+)"
 STAIRWELL = re.compile("stair|trepp|escal|scala")
 #: Longest name that is used unchanged.
 LONGEST = 30
-#: Largest size of a file in an archive.
-MOST_BYTES = 2e9
 #: Largest coordinate of an undamaged file [m].
 FARTHEST = 1e8
 
@@ -72,7 +69,7 @@ class IfcImporter(Importer):
     """IFC (.ifc), 2x3 and later: floors of spaces and slabs, doors, exits and stairs by their geometry."""
 
     name = "ifc"
-    suffixes = (".ifc", ".ifczip")
+    suffixes = (".ifc",)
 
     ground = Parameter("auto", "floors from spaces, or slabs if there are none", choices=("auto", "spaces", "slabs"))
     exits = Parameter("ground", "storeys on which doors to the outside are exits", choices=("ground", "all", "none"))
@@ -81,7 +78,6 @@ class IfcImporter(Importer):
     gap = Parameter(0.01, "gaps between spaces up to this width are closed", unit="m", minimum=0.0)
     furniture = Parameter(False, "whether furniture is an obstacle")
     cut_slabs = Parameter(False, "whether slabs that block a stair are cut")
-    library = Parameter("ifclite_geom", "library that computes the shapes", choices=tuple(LIBRARIES))
     time = Parameter(60.0, "shapes that are not made within this computing time are left out", unit="s", minimum=1.0)
     product_time = Parameter(10.0, "a shape that takes more computing time is left out", unit="s", minimum=1.0)
 
@@ -90,13 +86,11 @@ class IfcImporter(Importer):
         from evac.building.recover.bodies import Rules, plan_of_bodies
 
         findings: list[Finding] = []
-        library = str(self.library)
-        optional_library(path, library, LIBRARIES[library])
+        optional_library(path, LIBRARY, "ifc")
         content = _content(path)
-        read = read_products(content, CLASSES, library, float(self.product_time), float(self.time))
+        read = read_products(content, CLASSES, float(self.product_time), float(self.time))
         if not read.entities:
             raise ValueError("the file contains no building element; choose another file")
-        findings += [Finding("warning", f"message of {library}: {line}") for line in read.said]
         elements = read.entities
         storeys = {
             number: (_text(element["name"]) or f"storey {number}", float(element["placement"][14]))
@@ -106,7 +100,7 @@ class IfcImporter(Importer):
         names = {part: storeys[whole][0] for part, whole in _parts(content).items() if whole in storeys}
         fillings = {int(filling): int(opening) for opening, filling in FILLS.findall(content)}
         bodies = _bodies(read, names, fillings, findings)
-        own = {key: value for key, value in self.values().items() if key not in ("library", "time", "product_time")}
+        own = {key: value for key, value in self.values().items() if key not in ("time", "product_time")}
         rules = Rules(**own)
         plan = plan_of_bodies(path, bodies, list(storeys.values()), rules, findings)
         plan.north = _north(content)
@@ -114,16 +108,8 @@ class IfcImporter(Importer):
 
 
 def _content(path: Path) -> bytes:
-    """Return the text of a file, or of the one file in an archive."""
+    """Return the text of a file that is whole."""
     content = path.read_bytes()
-    if zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as archive:
-            members = [one for one in archive.infolist() if one.filename.lower().endswith(".ifc")]
-            if len(members) != 1 or members[0].file_size > MOST_BYTES:
-                raise ValueError(
-                    f"the archive must hold one .ifc file of at most {MOST_BYTES:g} bytes; import the file itself"
-                )
-            content = archive.read(members[0])
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"ISO-10303-21"):
         raise ValueError("not an IFC file: it does not start with ISO-10303-21; export it as IFC in STEP format")
     if b"END-ISO-10303-21" not in content[-1000:]:

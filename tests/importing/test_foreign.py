@@ -12,8 +12,6 @@ import shapely
 
 import evac
 from evac import BuildingError, import_building
-from evac.building.recover.bodies import Body
-from evac.building.recover.products import LIBRARIES, read_products
 from evac.cli.main import main
 from evac.importing.rooms import NEGLIGIBLE
 from tests.importing.independent import FOREIGN, TABLE, rows_of
@@ -105,25 +103,6 @@ def test_a_product_whose_shape_has_no_end_is_named(tmp_path):
     with pytest.raises(BuildingError, match=r"IfcWallStandardCase #218 .* takes more than 2 s"):
         import_building([FOREIGN / "ios_411_walls.ifc"], tmp_path, options={"product_time": 2.0})
     assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - started < 60.0
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        "ISO-Test-1-IFC2x3.ifc",
-        *(pytest.param(f"{name}.ifc", marks=pytest.mark.slow) for name in ("Ifc2x3_Duplex_Architecture", "xbim_House")),
-    ],
-)
-def test_both_libraries_read_the_same_shapes(name):
-    pytest.importorskip("ifcopenshell")
-    content = (FOREIGN / name).read_bytes()
-    classes = ("IfcSpace", "IfcSlab", "IfcWallStandardCase", "IfcDoor", "IfcStairFlight", "IfcOpeningElement")
-    one, other = (read_products(content, classes, library, each=10.0, total=60.0).shapes for library in LIBRARIES)
-    assert one.keys() == other.keys()
-    areas = [
-        {number: Body("", "", *shape).shadow().area for number, shape in shapes.items()} for shapes in (one, other)
-    ]
-    assert areas[0] == {number: pytest.approx(area, rel=0.02, abs=0.01) for number, area in areas[1].items()}
 
 
 @pytest.mark.parametrize("name", [name for name in sorted(EXPECTED) if not name.endswith(".ifc")])

@@ -1,7 +1,6 @@
 """IFC files: floors of spaces and slabs, doors, exits, stairs, and what cannot be walked."""
 
 import math
-import zipfile
 
 import numpy as np
 import pytest
@@ -69,17 +68,6 @@ def test_rooms_doors_and_exits(tmp_path, spaces, unit):
     (way,) = building.exits
     assert (way.name, round(way.width, 2)) == ("front", 1.2)
     assert sorted(area.name for area in building.areas) == (["001", "002"] if spaces else [])
-
-
-def test_an_archive_of_one_file(tmp_path):
-    path = house(IfcFile()).write(tmp_path / "a.ifc")
-    with zipfile.ZipFile(tmp_path / "b.ifczip", "w") as archive:
-        archive.write(path, "a.ifc")
-    assert len(building_of(tmp_path / "b.ifczip").exits) == 1
-    with zipfile.ZipFile(tmp_path / "b.ifczip", "a") as archive:
-        archive.write(path, "c.ifc")
-    with pytest.raises(ValueError, match=r"one \.ifc file"):
-        building_of(tmp_path / "b.ifczip")
 
 
 def test_a_turned_building_is_the_same(tmp_path):
