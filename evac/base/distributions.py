@@ -69,6 +69,14 @@ class Distribution:
         shares = generator.uniform(np.nextafter(low, 1.0), np.nextafter(high, 0.0), n)
         return np.asarray(self._law().quantile(shares), dtype=np.float64).clip(*self.support())
 
+    def quantiles(self, shares: FloatArray) -> FloatArray:
+        """Return the values (n,) that the shares (n,) of all values, from 0 to 1, do not exceed."""
+        if self.kind in ("constant", "list"):
+            return np.quantile(self.numbers, shares)
+        low, high = self._shares()
+        within = np.clip(low + shares * (high - low), np.nextafter(low, 1.0), np.nextafter(high, 0.0))
+        return np.asarray(self._law().quantile(within), dtype=np.float64).clip(*self.support())
+
     def mean(self) -> float:
         """Return the mean, taking truncation into account."""
         if self.kind in ("constant", "list"):

@@ -17,7 +17,7 @@ from evac.building.options import BuildingOptions
 from evac.building.plan.plantable import plan_of
 from evac.building.surface.build import build_building
 from evac.building.surface.checks import check_exits
-from evac.case.loading import load_case
+from evac.case.loading import case_from
 from evac.contract.registry import Registry
 from evac.people.groups import check_people
 from evac.people.places import with_places
@@ -28,21 +28,25 @@ if TYPE_CHECKING:
     from evac.case.case import Case
 
 
-def judge(file: Path, case_file: Path | None, prefix: str, table: Mapping[str, Any]) -> dict[str, Any]:
+def judge(
+    file: Path, case_file: Path | None, table: Mapping[str, Any], content: Mapping[str, Any] | None
+) -> dict[str, Any]:
     """Return the findings about a plan as `evac check` numbers them, and the building for the page if there is one.
 
-    `file`: where the plan is; `case_file`: the case that uses it; `prefix`: of keys of the plan in messages.
+    `file`: where the plan is; `case_file`: the case that uses it, and `content`: what is in it.
     """
     start, told, building = time.perf_counter(), list[Finding](), None
     case, options, registry = None, BuildingOptions(), Registry()
     try:
-        if case_file is not None:
-            case = load_case(case_file)
+        if case_file is not None and content is not None:
+            case = case_from(content, case_file)
             options, registry = case.building, case.registry
     except EvacError as error:
         told += _told(error, case_file)
     try:
-        surface = read_storeys(plan_of(table, file, file.parent, prefix), registry).surface()
+        surface = read_storeys(
+            plan_of(table, file, file.parent, "building.plan." if file == case_file else ""), registry
+        ).surface()
         building = build_building(surface, file, options, need_exit=False)
         told += building.findings
         _check_use(building, case)

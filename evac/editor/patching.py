@@ -46,23 +46,17 @@ class Span:
         return max([self.end, *(one.last for one in [*heads, *self.items])])
 
 
-def patched(text: str, place: Key, new: Mapping[str, Any]) -> str:
-    """Return a TOML text in which the table at a place has the content `new`, as plain data, and all else is as it was.
+def patched(text: str, new: Mapping[str, Any]) -> str:
+    """Return a TOML text with the content `new`, as plain data, in which all else, such as comments, is as it was.
 
     Raises ValueError if the table cannot be changed in the text.
     """
     body = text.removeprefix("\ufeff")
-    wanted = tomllib.loads(body)
-    table = wanted
-    for key in place:
-        table = table[key]
-    before = dict(table)
-    table.clear()
-    table.update(new)
+    before = tomllib.loads(body)
     for is_fine in (True, False):  # items of lists one by one; else lists as a whole
         try:
-            result = _Patch(body, place, is_fine).result(before, new)
-            if _same(tomllib.loads(result), wanted):
+            result = _Patch(body, is_fine).result(before, new)
+            if _same(tomllib.loads(result), new):
                 return text[: len(text) - len(body)] + result
         except (KeyError, IndexError, AttributeError, tomllib.TOMLDecodeError):
             continue
@@ -83,16 +77,13 @@ def _without_empty(value: Any) -> Any:
 class _Patch:
     """The edits of one text: pieces of it that are replaced."""
 
-    def __init__(self, text: str, place: Key, is_fine: bool) -> None:
-        self.text, self.place, self.is_fine = text, place, is_fine
+    def __init__(self, text: str, is_fine: bool) -> None:
+        self.text, self.is_fine = text, is_fine
         self.root = scanned(text)
         self.edits: list[tuple[int, int, str]] = []
 
     def result(self, before: Mapping[str, Any], new: Mapping[str, Any]) -> str:
-        span = self.root
-        for key in self.place:
-            span = span.parts[key]
-        self._table(span, before, new, self.place)
+        self._table(self.root, before, new, ())
         text, newline = self.text, "\r\n" if "\r\n" in self.text else "\n"
         for start, end, piece in sorted(self.edits, key=lambda edit: edit[:2])[::-1]:
             text = text[:start] + piece.replace("\n", newline) + text[end:]
@@ -119,11 +110,17 @@ class _Patch:
         if span.kind not in ("table",) and added:
             raise KeyError(added[0][0])
         has_heads = span is self.root or any(one.kind == "tables" for one in span.parts.values())
+        is_implied = span is not self.root and span.first == span.start == span.end  # by the heads of tables within it
         for key, value in added:
             is_list = isinstance(value, list) and isinstance(value[0], dict)
-            if is_list and has_heads:
+            if (is_list and has_heads) or (isinstance(value, Mapping) and (has_heads or is_implied)):
                 at = len(self.text) if span is self.root else span.last
-                self.edits.append((at, at, "".join(self._head(at, (*place, key), row) for row in value)))
+                rows = (
+                    [self._head(at, (*place, key), row) for row in value]
+                    if is_list
+                    else self._heads(at, (*place, key), value)
+                )
+                self.edits.append((at, at, "".join(rows)))
             else:
                 text = (
                     "[\n" + "".join(f"    {toml_value(row)},\n" for row in value) + "]"
@@ -221,9 +218,16 @@ class _Patch:
         if span.kind in ("scalar", "array", "inline"):
             self.edits.append((self.text.rfind("\n", 0, span.first) + 1, _line_end(self.text, span.end), ""))
 
-    def _head(self, at: int, place: Key, row: Mapping[str, Any]) -> str:
+    def _head(self, at: int, place: Key, row: Mapping[str, Any], marks: str = "[[]]") -> str:
         pairs = "".join(f"{toml_key(key)} = {toml_value(value)}\n" for key, value in row.items())
-        return f"{self._break(at)}\n[[{'.'.join(map(toml_key, place))}]]\n{pairs}"
+        half = len(marks) // 2
+        return f"{self._break(at)}\n{marks[:half]}{'.'.join(map(toml_key, place))}{marks[half:]}\n{pairs}"
+
+    def _heads(self, at: int, place: Key, table: Mapping[str, Any]) -> list[str]:
+        """Return a table with its head, or, if it has nothing but tables, these with theirs."""
+        if table and all(isinstance(value, Mapping) for value in table.values()):
+            return [head for key, value in table.items() for head in self._heads(at, (*place, key), value)]
+        return [self._head(at, place, table, "[]")]
 
     def _break(self, at: int) -> str:
         return "\n" if at and self.text[at - 1] != "\n" else ""

@@ -115,6 +115,8 @@ class _Handler(BaseHTTPRequestHandler):
         name = self._allowed_name()
         if name == "document":
             self._answer(self.server.session.document)
+        elif name == "forms":
+            self._answer(self.server.session.forms)
         elif name == "events" and self.command == "GET":
             self._send_events()
         elif name is not None and name.startswith("result/") and self.server.session.runner is not None:
@@ -148,6 +150,9 @@ class _Handler(BaseHTTPRequestHandler):
             elif name == "save":
                 table, digest = dict(given["table"]), str(given["digest"])
                 self._answer(lambda: session.save(table, digest))
+            elif name == "curve":
+                value = given["value"]
+                self._answer(lambda: session.curve(value))
             elif name in ("run", "report", "stop"):
                 self._answer(lambda: session.command(name))
             else:

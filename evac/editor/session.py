@@ -10,14 +10,21 @@ from collections.abc import Mapping
 from concurrent.futures import BrokenExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from evac.base.distributions import parse
 from evac.base.errors import BuildingError, EvacError, ScenarioError
 from evac.base.processes import Pool
 from evac.building.plan.plan import PLAN
 from evac.building.plan.plantable import read_table
+from evac.case.jsonschema import case_schema
 from evac.case.loading import load_case
+from evac.case.schema import shipped_presets
+from evac.contract.registry import Registry
 from evac.editor.judging import judge
 from evac.editor.patching import patched
 from evac.editor.running import Runner
@@ -30,13 +37,17 @@ JOURNAL = ".unsaved"
 LOOK_EVERY = 0.5
 
 
+#: Shares of people for which the page gets the values of a distribution.
+SHARES = np.linspace(0.0, 1.0, 101)[1:-1]
+
+
 class ChangedOnDiskError(EvacError):
     """The file is not the one that the page has read."""
 
 
 @dataclass
 class Request:
-    """A plan that waits to be judged, and the page and the revision that it is of."""
+    """What waits to be judged, and the page and the revision that it is of."""
 
     page: str
     revision: int
@@ -44,7 +55,7 @@ class Request:
 
 
 class Session:
-    """A plan file, or the plan in a case.toml, that pages edit.
+    """A plan file, or a case whose building is a plan, that pages edit: a table of the plan, with the rest as ``case``.
 
     Parameters
     ----------
@@ -61,19 +72,17 @@ class Session:
 
     def __init__(self, source: Path, result: Path | None = None) -> None:
         self.case_file: Path | None = None
+        self.registry = Registry()
         self.runner: Runner | None = None
-        self.place: tuple[str, ...] = ()
         if source.name.lower().endswith(PLAN):
             self.file, self.title = source.resolve(), source.name
         else:
             case = load_case(source)
             self.case_file = self.file = case.source
-            self.title = case.title or case.folder.name
-            if case.building.plan is not None:
-                self.place = ("building", "plan")
-            elif case.mesh is not None and case.mesh.name.lower().endswith(PLAN):
+            self.title, self.registry = case.title or case.name, case.registry
+            if case.mesh is not None and case.mesh.name.lower().endswith(PLAN):
                 self.file = case.mesh.resolve()
-            else:
+            elif case.building.plan is None:
                 raise ScenarioError(
                     f"{case.source}: the building is {case.building.mesh!r}, which is no plan; a plan ({PLAN}), or a "
                     "[building.plan] in the case, can be edited: `evac new FOLDER` writes one"
@@ -85,21 +94,35 @@ class Session:
         self.is_over = threading.Event()
         self._lock, self._waiting = threading.Condition(), dict[str, Request]()
         self._pool: Pool | None = None
-        text, table = self._read()
-        self._seen = _digest(text)
+        texts, table = self._read()
+        self._seen = _digest(texts)
         self._judged(Request("", 0, table), is_awaited=False)  # while the browser opens the page
         for work in (self._judge_always, self._look_always):
             threading.Thread(target=work, daemon=True).start()
 
     def document(self) -> dict[str, Any]:
-        """Return the plan as the page gets it, the digest of its file, and what the journal has."""
-        text, table = self._read()
-        found = {"title": self.title, "file": self.file.name, "digest": _digest(text), "table": plain(table)}
-        found["can_run"] = self.runner is not None
+        """Return what is edited as the page gets it, the digest of the files, and what the journal has."""
+        texts, table = self._read()
+        found = {"title": self.title, "file": self.file.name, "digest": _digest(texts), "table": plain(table)}
         with suppress(OSError, ValueError, KeyError):
             journal = json.loads(content_of(self.journal))
             found["unsaved"] = {"table": journal["table"], "of_this_file": journal["digest"] == found["digest"]}
         return found
+
+    def forms(self) -> dict[str, Any]:
+        """Return the schema of the case, with the parameters of all plugins, and the shipped presets."""
+        return {"schema": case_schema(self.registry), "presets": {k: v["about"] for k, v in shipped_presets().items()}}
+
+    def curve(self, value: Any) -> dict[str, Any]:
+        """Return what the page draws of a distribution: the values that shares of people do not exceed, and the mean.
+
+        Raises
+        ------
+        ScenarioError
+            It is not valid.
+        """
+        distribution = parse(value, "the distribution")
+        return {"values": distribution.quantiles(SHARES).tolist(), "mean": distribution.mean()}
 
     def check(self, request: Request) -> dict[str, Any]:
         """Have a plan judged, instead of an earlier one of the same page that still waits, and note it in the journal.
@@ -112,36 +135,37 @@ class Session:
         with self._lock:
             self._waiting[request.page] = request
             self._lock.notify()
-        text, table = self._read()
+        texts, table = self._read()
         if plain(table) == request.table:
             self.journal.unlink(missing_ok=True)
         else:
-            write_json(self.journal, {"digest": _digest(text), "table": request.table}, "the journal")
+            write_json(self.journal, {"digest": _digest(texts), "table": request.table}, "the journal")
         return {"revision": request.revision}
 
     def save(self, table: Mapping[str, Any], digest: str) -> dict[str, Any]:
-        """Write a plan to its file, of which only the changed lines change; return the difference and the digest.
+        """Write what was edited to the files, of which only the changed lines change; return difference and digest.
 
         Raises
         ------
         ChangedOnDiskError
-            The digest is not that of the file.
+            The digest is not that of the files.
         EvacError
-            The file cannot be written, or the change cannot be made in its text.
+            A file cannot be written, or the change cannot be made in its text.
         """
         with self._lock:
-            text, _ = self._read()
-            if _digest(text) != digest:
+            texts, _ = self._read()
+            if _digest(texts) != digest:
                 raise ChangedOnDiskError(f"{self.file}: has changed since it was read here; nothing is written")
-            new = self._patched(text, table)
-            if new != text:
-                with replacing(self.file, "the plan") as path:
-                    shutil.copymode(self.file, path)
-                    path.write_bytes(new.encode())
+            new = self._patched(texts, table)
+            for file, text in new.items():
+                if text != texts[file]:
+                    with replacing(file, "what was edited") as path:
+                        shutil.copymode(file, path)
+                        path.write_bytes(text.encode())
             self.journal.unlink(missing_ok=True)
             self._seen = _digest(new)
         self.tell("saved", {"digest": _digest(new)})
-        return {"difference": self._difference(text, new), "digest": _digest(new)}
+        return {"difference": _difference(texts, new), "digest": _digest(new)}
 
     def command(self, what: str) -> dict[str, Any]:
         """Start ``run`` or ``report``, or ``stop`` what writes the result; return the state of the run.
@@ -176,27 +200,41 @@ class Session:
         if self._pool is not None:
             self._pool.kill()
 
-    def _read(self) -> tuple[str, dict[str, Any]]:
-        """Return the text of the file and the plan in it."""
-        try:
-            table = read_table(self.file)
-            for key in self.place:
-                table = table[key]
-            return content_of(self.file).decode(), table
-        except (OSError, ValueError, KeyError) as error:
-            raise BuildingError(f"{self.file}: cannot be read: {error}; correct it") from error
+    def _read(self) -> tuple[dict[Path, str], dict[str, Any]]:
+        """Return the texts of the files, and what is edited of their content."""
+        contents, texts = dict[Path, dict[str, Any]](), dict[Path, str]()
+        for file in dict.fromkeys([self.file, self.case_file or self.file]):
+            try:
+                contents[file], texts[file] = read_table(file), content_of(file).decode()
+            except (OSError, ValueError) as error:
+                raise BuildingError(f"{file}: cannot be read: {error}; correct it") from error
+        if self.case_file is None:
+            return texts, contents[self.file]
+        case = contents[self.case_file]
+        if self.file == self.case_file:
+            building = case.get("building", {})
+            case = case | {"building": {key: value for key, value in building.items() if key != "plan"}}
+            return texts, {**building.get("plan", {}), "case": case}
+        return texts, {**contents[self.file], "case": case}
 
-    def _patched(self, text: str, table: Mapping[str, Any]) -> str:
-        try:
-            return patched(text, self.place, table)
-        except ValueError as error:
-            raise BuildingError(f"{self.file}: {error}") from error
+    def _contents(self, table: Mapping[str, Any]) -> dict[Path, Mapping[str, Any]]:
+        """Return the content that the files get from what was edited."""
+        plan = {key: value for key, value in table.items() if key != "case"}
+        if self.case_file is None:
+            return {self.file: plan}
+        case = table["case"]
+        if self.file == self.case_file:
+            return {self.file: {**case, "building": {**case["building"], "plan": plan}}}
+        return {self.file: plan, self.case_file: case}
 
-    def _difference(self, old: str, new: str) -> str:
-        lines = difflib.unified_diff(
-            old.splitlines(), new.splitlines(), self.file.name, self.file.name, lineterm="", n=1
-        )
-        return "\n".join(lines)
+    def _patched(self, texts: Mapping[Path, str], table: Mapping[str, Any]) -> dict[Path, str]:
+        new = {}
+        for file, content in self._contents(table).items():
+            try:
+                new[file] = patched(texts[file], content)
+            except ValueError as error:
+                raise BuildingError(f"{file}: {error}") from error
+        return new
 
     def _judge_always(self) -> None:
         """Judge what waits, one plan after the other, in a process that is started again if it dies."""
@@ -212,13 +250,15 @@ class Session:
     def _judged(self, request: Request, is_awaited: bool = True) -> dict[str, Any]:
         try:
             self._pool = self._pool or Pool(1, is_quiet=True)
-            prefix = "".join(f"{key}." for key in self.place)
-            future = self._pool.submit(judge, self.file, self.case_file, prefix, request.table)
+            contents = self._contents(request.table)
+            plan = {key: value for key, value in request.table.items() if key != "case"}
+            case = None if self.case_file is None else contents[self.case_file]
+            future = self._pool.submit(judge, self.file, self.case_file, plan, case)
             if not is_awaited:
                 return {}
-            found: dict[str, Any] = future.result()
-            text, _ = self._read()
-            return plain(found) | {"difference": self._difference(text, self._patched(text, request.table))}  # type: ignore[no-any-return]
+            found: dict[str, Any] = plain(future.result())
+            texts, _ = self._read()
+            return found | {"difference": _difference(texts, self._patched(texts, request.table))}
         except EvacError as error:
             return {"failed": str(error)}
         except BrokenExecutor:
@@ -236,11 +276,21 @@ class Session:
                 self.run = state
                 self.tell("run", state)
             with suppress(OSError, UnicodeDecodeError):
-                now = _digest(content_of(self.file).decode())
+                files = dict.fromkeys([self.file, self.case_file or self.file])
+                now = _digest({file: content_of(file).decode() for file in files})
                 if now != self._seen:
                     self._seen = now
                     self.tell("changed", {"digest": now})
 
 
-def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()
+def _digest(texts: Mapping[Path, str]) -> str:
+    return hashlib.sha256("\0".join(texts.values()).encode()).hexdigest()
+
+
+def _difference(old: Mapping[Path, str], new: Mapping[Path, str]) -> str:
+    """Return the changed lines of all files."""
+    lines = [
+        difflib.unified_diff(old[file].splitlines(), new[file].splitlines(), file.name, file.name, lineterm="", n=1)
+        for file in new
+    ]
+    return "\n".join(chain.from_iterable(lines))

@@ -46,6 +46,8 @@ def test_a_truncated_distribution_is_that_of_what_lies_inside(name):
     assert values.max() <= high
     assert stats.kstest(values, cdf).pvalue > 0.01
     assert distribution.mean() == pytest.approx(mean, rel=1e-7)
+    shares = np.linspace(0.05, 0.95, 19)
+    np.testing.assert_allclose(cdf(distribution.quantiles(shares)), shares, atol=1e-9)
 
 
 def test_a_bound_on_one_side():
@@ -57,6 +59,7 @@ def test_a_bound_on_one_side():
 def test_a_number_is_a_constant():
     assert parse(3, "key") == Distribution("constant", (3.0,))
     assert parse({"constant": 3}, "key").draw(generator_for(0), 4).tolist() == [3.0] * 4
+    assert parse(3, "key").quantiles(np.array([0.1, 0.9])).tolist() == [3.0, 3.0]
 
 
 def test_a_list_is_taken_in_order_and_must_be_long_enough():

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 import evac
+from evac.base.distributions import parse
 from evac.cli.main import main
 from evac.editor import Server, Session
 
@@ -102,7 +103,8 @@ class Page:
     def saved(self):
         self.keys("s", modifiers=CONTROL)
         self.browser.wait("document.getElementById('saved').textContent === 'Saved'")
-        return tomllib.loads(self.server.session.file.read_text())
+        session = self.server.session
+        return tomllib.loads(session.file.read_text()) | {"case": tomllib.loads(session.case_file.read_text())}
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +121,8 @@ def server(tmp_path_factory):
 @pytest.fixture
 def page(browser, server, house):
     """The page of the house as it was; it raises no error and asks nobody but its server."""
-    shutil.copy(house / "house.plan.toml", server.session.file)
+    for file in ("house.plan.toml", "case.toml"):
+        shutil.copy(house / file, server.session.file.with_name(file))
     server.session.journal.unlink(missing_ok=True)
     page = Page(browser, server)
     yield page
@@ -176,15 +179,69 @@ def test_the_case_is_saved_and_run_and_its_people_are_seen(page):
     page.browser.wait("Number(document.getElementById('slider').value) === 5")
 
 
-def test_people_of_a_run_are_on_their_storey(page):
-    accent = np.array([0x0B, 0x63, 0xA8])
-    text = "{ phase: 'running', text: '1/2 out', people: { ground: [3, 2], first: [3, 4] } }"
-    page.run(f"editor.running.show({text})")
+def test_groups_events_and_behaviours_are_changed_in_the_case(page):
+    case = page.server.session.case_file
+    before = tomllib.loads(case.read_text())
+    page.run("document.querySelectorAll('#people button')[1].click()")
+    assert page.text("#inspector h2") == "Group staff"
+    page.type("Number", "20")
+    page.run("document.getElementById('add-event').click()")
+    page.type("Name", "blocked")
+    page.type("Time [s]", "12")
+    page.type("Target", "side")
+    page.run("document.querySelector('#behaviours input[aria-label=rest]').click()")
+    assert page.text("#inspector h2") == "Behaviour rest"
+    page.judged()
+    assert page.text("#verdict") == "Can be run"
+    assert "+number = 20" in page.text("#changes")
+    page.saved()
+    after = tomllib.loads(case.read_text())
+    assert after["people"][1] == before["people"][1] | {"number": 20}
+    assert after["event"] == [{"name": "blocked", "time": 12, "kind": "close", "target": "side"}]
+    assert after["behaviours"] == before["behaviours"] | {"rest": {}}
+    assert 'area = "office"  # an area of the plan\n' in case.read_text()
+
+
+def test_a_distribution_has_its_numbers_and_its_curve(page):
+    page.run("editor.act.select({ section: 'behaviours', index: 'response_time' })")
+    page.browser.wait("document.querySelector('.curve').getAttribute('aria-label')")
+    assert page.text("#inspector fieldset legend") == "Time [s]"
+    page.type("Kind", "lognormal by mean")
+    page.type("Mean, standard deviation", "60, 20")
+    page.type("Maximum", "200")
+    page.judged()
+    time = page.plan["case"]["behaviours"]["response_time"]["time"]
+    assert time == {"lognormal": {"mean": 60, "deviation": 20}, "maximum": 200}
+    mean = round(parse(time, "time").mean(), 3)
+    page.browser.wait(f"document.querySelector('.curve').getAttribute('aria-label').endsWith('mean {mean}')")
+    page.type("Kind", "")
+    assert "time" not in page.plan["case"]["behaviours"]["response_time"]
+
+
+def test_a_fault_of_the_case_is_a_finding(page):
+    page.run("editor.act.select({ section: 'people', index: 0 })")
+    page.type("Number", "-3")
+    page.judged()
+    assert page.text("#verdict") == "Cannot be run: 1 error"
+    assert "people.visitors.number" in page.text("#findings .error")
+
+
+def test_groups_know_areas_and_storeys_by_their_new_names(page):
+    page.run("editor.store.commit(editor.store.now.rename({ section: 'areas', index: 0 }, 'desks'))")
+    page.run("editor.store.commit(editor.store.now.rename({ section: 'storeys', index: 0 }, 'low'))")
+    groups = page.plan["case"]["people"]
+    assert [(group.get("level"), group.get("area")) for group in groups] == [("low", None), (None, "desks")]
+
+
+def test_people_of_a_run_are_on_their_storey(page, monkeypatch):
+    accent = np.array([0x0B, 0x63, 0xA5])
+    state = {"phase": "running", "text": "1/2 out", "people": {"ground": [6, 6], "first": [6, 7]}}
+    monkeypatch.setattr(page.server.session.runner, "state", lambda: state)
+    page.browser.wait("document.getElementById('run-text').textContent === '1/2 out'")
     page.browser.settle()
     assert page.text("#run") == "Stop"
-    assert page.text("#run-text") == "1/2 out"
-    assert np.abs(page.colour(3, 2) - accent).sum(axis=1).min() < 40
-    assert np.abs(page.colour(3, 4) - accent).sum(axis=1).min() > 100
+    assert np.abs(page.colour(6, 6) - accent).sum(axis=1).min() < 40
+    assert np.abs(page.colour(6, 7) - accent).sum(axis=1).min() > 100
 
 
 def test_floor_that_cannot_be_left_is_hatched(page):
@@ -311,7 +368,8 @@ def test_a_new_name_is_used_where_the_old_one_was(page):
     assert {row["storey"] for row in page.plan["exits"]} == {"street"}
     assert page.plan["shafts"][0]["lower"] == "street"
     page.judged()
-    assert "people.visitors.level" in page.text("#findings")  # the case has the old name
+    assert page.plan["case"]["people"][0]["level"] == "street"
+    assert page.text("#verdict") == "Can be run"
     assert page.run("document.querySelectorAll('aside b').length") == 0
     assert page.saved() == page.plan
 

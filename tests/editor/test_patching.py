@@ -45,13 +45,6 @@ segment = [[8.1, 2], [8.1, 3.0]]
 """
 
 
-def plan_of(text, place=()):
-    table = tomllib.loads(text)
-    for key in place:
-        table = table[key]
-    return table
-
-
 def changed_lines(before, after):
     return set(after.splitlines()) ^ set(before.splitlines())
 
@@ -59,15 +52,15 @@ def changed_lines(before, after):
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_a_file_without_a_change_comes_back_to_the_byte(path):
     text = path.read_bytes().decode()
-    assert patched(text, (), tomllib.loads(text)) == text
+    assert patched(text, tomllib.loads(text)) == text
 
 
 def test_only_what_changes_is_written():
-    plan = plan_of(MIXED)
+    plan = tomllib.loads(MIXED)
     plan["doors"][0]["segment"]["at"] = 3.5
     plan["storeys"][0]["polygons"][0][1] = [9, 0]
     plan["storeys"][1]["z"] = 3.4
-    after = patched(MIXED, (), plan)
+    after = patched(MIXED, plan)
     assert tomllib.loads(after) == plan
     assert changed_lines(MIXED, after) == {
         "    [[0, 0], [8, 0], [8, 8], [0, 8]],  # the hall",
@@ -80,14 +73,14 @@ def test_only_what_changes_is_written():
 
 
 def test_rows_and_keys_are_added_and_removed():
-    plan = plan_of(MIXED)
+    plan = tomllib.loads(MIXED)
     del plan["doors"][0]
     plan["doors"].append({"name": "c", "storey": "first", "segment": [[0, 1], [0, 2]]})
     plan["exits"] = [{"name": "main", "storey": "ground", "segment": [[0, 1], [0, 2]]}]
     plan["storeys"][0]["wall"] = 0.2
     del plan["storeys"][1]["like"]
     plan["storeys"][0]["polygons"].append([[0, 0], [1, 0], [1, 1]])
-    after = patched(MIXED, (), plan)
+    after = patched(MIXED, plan)
     assert tomllib.loads(after) == plan
     assert "which is kept" not in after  # it was about the door
     assert "# the hall" in after
@@ -96,25 +89,39 @@ def test_rows_and_keys_are_added_and_removed():
 
 def test_the_plan_of_a_case_is_changed_in_its_place():
     text = (ROOT / "buildings/office_fire/case.toml").read_text()
-    plan = plan_of(text, ("building", "plan"))
+    case = tomllib.loads(text)
+    plan = case["building"]["plan"]
     plan["obstacles"].pop()
     plan["exits"][0]["segment"][0] = [-9, 4]
     plan["doors"] = [{"name": "d", "storey": "hall", "segment": [[1, 1], [1, 2]]}]
-    after = patched(text, ("building", "plan"), plan)
-    assert plan_of(after, ("building", "plan")) == plan
+    after = patched(text, case)
+    assert tomllib.loads(after) == case
     assert len(changed_lines(text, after)) == 1 + 2 + 2
+
+
+def test_tables_are_added_with_their_heads():
+    case = tomllib.loads("[behaviours.walking]\n[simulation]\nseed = 1  # the first\n")
+    case["behaviours"]["rest"] = {"speed": 0.5}
+    case["event"] = [{"name": "a", "time": 3}]
+    case["forces"] = {"social": {}}
+    after = patched("[behaviours.walking]\n[simulation]\nseed = 1  # the first\n", case)
+    assert tomllib.loads(after) == case
+    assert after.splitlines() == [
+        *("[behaviours.walking]", "", "[behaviours.rest]", "speed = 0.5", "[simulation]", "seed = 1  # the first"),
+        *("", "[[event]]", 'name = "a"', "time = 3", "", "[forces.social]"),
+    ]
 
 
 @pytest.mark.parametrize("text", [MIXED, MIXED.replace("\n", "\r\n"), "\ufeff" + MIXED], ids=["plain", "crlf", "bom"])
 @pytest.mark.parametrize("seed", range(6))
 def test_random_edits_and_their_undo_come_back_to_the_byte(text, seed):
     draw = random.Random(seed)
-    first = now = plan_of(text.removeprefix("\ufeff"))
+    first = now = tomllib.loads(text.removeprefix("\ufeff"))
     for _ in range(50):
         now = copy.deepcopy(now)
         edit(now, draw)
-        assert tomllib.loads(patched(text, (), now).removeprefix("\ufeff")) == {k: v for k, v in now.items() if v != []}
-    assert patched(text, (), first) == text
+        assert tomllib.loads(patched(text, now).removeprefix("\ufeff")) == {k: v for k, v in now.items() if v != []}
+    assert patched(text, first) == text
 
 
 def edit(plan, draw):
@@ -143,7 +150,7 @@ def edit(plan, draw):
 
 def test_what_cannot_be_changed_in_the_text_is_refused():
     with pytest.raises(ValueError, match="by hand"):
-        patched("a.b = 1\n", (), {"a": {"b": 1, "c": 2}})
+        patched("a.b = 1\n", {"a": {"b": 1, "c": 2}})
 
 
 def test_comments_above_a_head_belong_to_it():

@@ -79,7 +79,7 @@ def test_a_run_that_is_refused_says_why(house, runners):
 
 def test_a_plan_without_a_case_is_not_run(house):
     session = Session(house / "house.plan.toml")
-    assert not session.document()["can_run"]
+    assert "case" not in session.document()["table"]
     with pytest.raises(ScenarioError):
         session.command("run")
     session.close()

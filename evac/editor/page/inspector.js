@@ -21,7 +21,7 @@ function refill(box, content) {
 }
 
 class Inspector {
-  constructor(store, view, act) { Object.assign(this, { store, view, act }); }
+  constructor(store, view, act, forms) { Object.assign(this, { store, view, act, forms }); }
 
   get table() { return this.store.now; }
 
@@ -46,12 +46,13 @@ class Inspector {
     const index = this.table.rows("storeys").indexOf(storey), ref = selected ?? { section: "storeys", index }, row = this.table.row(ref);
     if (!row) return box.replaceChildren(node("h2", "Nothing is selected"));
     const { section } = ref, isGround = ref.part !== undefined, what = selected ? singular(section) : "storey", commit = (next) => this.store.commit(next);
-    const set = (key) => (value) => commit(this.table.put(ref, key, value)), parts = [node("h2", `${capital(what)} ${row.name ?? ""}`)];
-    if (!isGround) parts.push(this.field("Name", row.name, TEXT, (name) => { if (name && name !== row.name) { if (what === "storey") this.act.renamed(name); commit(this.table.rename(ref, name)); } }));
-    if (!isGround) for (const [key, [label, kind]] of Object.entries(FIELDS[section])) parts.push(this.field(label, row[key], kind, set(key)));
-    if (what !== "storey") parts.push(...this.sizes(ref, row));
+    const set = (key) => (value) => commit(this.table.put(ref, key, value)), isNamed = !isGround && section !== "behaviours", parts = [node("h2", `${capital(what)} ${row.name ?? (isNamed ? "" : ref.index ?? "")}`)];
+    if (isNamed) parts.push(this.field("Name", row.name, TEXT, (name) => { if (name && name !== row.name) { if (what === "storey") this.act.renamed(name); commit(this.table.rename(ref, name)); } }));
+    if (CASE.includes(section)) parts.push(...this.forms.fieldsOf(ref, row));
+    else if (!isGround) for (const [key, [label, kind]] of Object.entries(FIELDS[section])) parts.push(this.field(label, row[key], kind, set(key)));
+    if (what !== "storey" && !CASE.includes(section)) parts.push(...this.sizes(ref, row));
     const actions = node("div", "", { className: "actions" });
-    if (selected && !isGround) actions.append(this.button("Duplicate", "Ctrl+D", this.act.duplicate));
+    if (selected && isNamed) actions.append(this.button("Duplicate", "Ctrl+D", this.act.duplicate));
     if (selected || this.table.storeys.length > 1) actions.append(this.button("Delete", "Delete", this.act.remove));
     refill(box, [...parts, actions]);
   }
@@ -125,7 +126,7 @@ class Inspector {
 
   showChanges(difference, title) {
     by("changes-title").textContent = title;
-    by("changes").replaceChildren(...difference.split("\n").slice(2).map((line) => node("div", line, { className: { "+": "added", "-": "removed" }[line[0]] ?? "" })));
+    by("changes").replaceChildren(...difference.split("\n").filter((line) => !line.startsWith("--- ")).map((line) => line.startsWith("+++ ") ? node("strong", line.slice(4)) : node("div", line, { className: { "+": "added", "-": "removed" }[line[0]] ?? "" })));
     if (!difference) by("changes").textContent = "none";
   }
 }

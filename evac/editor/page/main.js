@@ -34,7 +34,7 @@ async function ask(name, body) {
 }
 
 async function start() {
-  const opened = await ask("document");
+  const opened = await ask("document"), isCase = Boolean(opened.table.case), declared = isCase ? await ask("forms") : null;
   const store = new Store(opened.table, changed), view = new PlanView(by("view"), store), view3d = new View3D(by("view3d"));
   let { digest } = opened, onDisk = digest, isAsked = false, isStale = false;
   view.storey = store.now.storeys[0]?.name ?? "";
@@ -46,6 +46,7 @@ async function start() {
     select(ref) {
       view.selected = ref;
       inspector.show(ref);
+      forms?.showRail(ref);
       view.draw();
     },
 
@@ -120,7 +121,7 @@ async function start() {
         by("banner").hidden = true;
         inspector.showChanges(difference, "Saved");
         showState();
-        act.say(difference ? `Saved to ${opened.file}` : "Nothing to save");
+        act.say(difference ? "Saved" : "Nothing to save");
         return true;
       } catch (error) {
         if (error.status === 409) warnOfFile(); else warn(error.message);
@@ -153,7 +154,8 @@ async function start() {
       view3d.draw();
     },
   };
-  const inspector = new Inspector(store, view, act), tools = new Tools(store, view, act), running = new Running(view, act, opened.can_run);
+  const forms = isCase ? new Forms(store, act, declared) : null, inspector = new Inspector(store, view, act, forms);
+  const tools = new Tools(store, view, act), running = new Running(view, act, isCase);
   view.tools = tools;
 
   function changed() {
@@ -161,6 +163,7 @@ async function start() {
     if (view.selected && !store.now.row(view.selected)) view.selected = null;
     inspector.show(view.selected);
     inspector.showStoreys();
+    forms?.showRail(view.selected);
     locate();
     showState();
     view.draw();
@@ -184,7 +187,7 @@ async function start() {
 
   async function warnOfFile() {
     onDisk = (await ask("document")).digest;
-    warn(`${opened.file} has changed on the disk since it was read here. Nothing is overwritten:`, true);
+    warn(`${isCase ? `The case or ${opened.file}` : opened.file} has changed on the disk since it was read here. Nothing is overwritten:`, true);
   }
 
   // Asks for what is to be said of the plan, and again afterwards if it has changed meanwhile.
@@ -223,7 +226,7 @@ async function start() {
     } else view.judgedRevision = -1;
     locate();
     inspector.showFindings(findings);
-    if (store.isChanged) inspector.showChanges(difference, `Not saved yet of ${opened.file}`);
+    if (store.isChanged) inspector.showChanges(difference, "Not saved yet");
     const warnings = findings.filter(({ kind }) => kind === "warning").length;
     by("verdict").textContent = errors ? `Cannot be run: ${errors} error${errors > 1 ? "s" : ""}` : `Can be run${warnings ? `: ${warnings} warning${warnings > 1 ? "s" : ""}` : ""}`;
     by("verdict").className = errors ? "error" : "";

@@ -4,6 +4,8 @@ const POLYGONS = ["rooms", "areas", "obstacles"];
 const ON_WALLS = ["doors", "exits", "openings"];
 const DRAWN = [...ON_WALLS, "shafts", "stairs", ...POLYGONS];
 const SHAPES = ["polygon", "polygons", "segment", "lower_edge", "upper_edge"];
+const CASE = ["people", "event", "behaviours"];  // Of the case, which is beside the plan as `case`.
+const NAMED = { storeys: "level", areas: "area" };  // Keys of groups with names of the plan.
 const WALL = 0.35;  // Two faces of rooms that are no farther apart are those of one wall [m].
 
 const mm = (value) => Math.round(value * 1000) / 1000;
@@ -96,7 +98,7 @@ class Table {
     return this.found.get(what);
   }
 
-  rows(section) { return this.content[section] ?? []; }
+  rows(section) { return (CASE.includes(section) ? this.content.case : this.content)?.[section] ?? []; }
   row({ section, index }) { return this.rows(section)[index]; }
   get storeys() { return this.rows("storeys").toSorted((a, b) => (a.z ?? 0) - (b.z ?? 0)); }
   storey(name) { return this.rows("storeys").find((one) => one.name === name); }
@@ -126,8 +128,18 @@ class Table {
     return this.once(`walls ${name}`, () => this.on(name).filter(({ section }) => section === "rooms" || section === "storeys").flatMap((ref) => this.rings(ref).flatMap(sidesOf2)));
   }
 
-  with(changes) { return new Table({ ...this.content, ...changes }); }
-  set(ref, row) { return this.with({ [ref.section]: this.rows(ref.section).with(ref.index, row) }); }
+  with(changes) {
+    const all = Object.entries(changes), of = (isOfCase) => Object.fromEntries(all.filter(([section]) => CASE.includes(section) === isOfCase));
+    const content = { ...this.content, ...of(false) };
+    if (content.case) content.case = { ...content.case, ...of(true) };
+    return new Table(content);
+  }
+
+  set({ section, index }, row) {
+    const rows = this.rows(section);
+    return this.with({ [section]: section === "behaviours" ? { ...rows, [index]: row } : rows.with(index, row) });
+  }
+
   add(section, row) { return this.with({ [section]: [...this.rows(section), row] }); }
 
   // A value of a row, or without it none.
@@ -139,7 +151,7 @@ class Table {
 
   mapRows(change, sections = Object.keys(this.content)) {
     const changes = {};
-    for (const section of sections) if (Array.isArray(this.content[section])) changes[section] = this.content[section].map((row) => change(row, section));
+    for (const section of sections) if (Array.isArray(this.rows(section)) && this.rows(section).length) changes[section] = this.rows(section).map((row) => change(row, section));
     return this.with(changes);
   }
 
@@ -153,7 +165,7 @@ class Table {
   rename(ref, name) {
     const old = this.row(ref), swap = (value) => value === old.name ? name : value;
     const tied = (shape) => isTie(shape) ? { ...shape, rooms: shape.rooms.map(swap) } : shape;
-    const next = this.put(ref, "name", name);
+    const key = NAMED[ref.section], next = this.put(ref, "name", name).mapRows((row) => row[key] === old.name ? { ...row, [key]: name } : row, key ? ["people"] : []);
     if (ref.section === "storeys") {
       return next.mapRows((row) => Object.assign({ ...row }, ...["storey", "lower", "upper", "like"].filter((key) => row[key] === old.name).map((key) => ({ [key]: name }))));
     }
@@ -163,6 +175,10 @@ class Table {
 
   remove(ref) {
     const row = this.row(ref);
+    if (ref.section === "behaviours") {
+      const { [ref.index]: _, ...others } = this.rows("behaviours");
+      return this.with({ behaviours: others });
+    }
     if (ref.part !== undefined) return Array.isArray(row.polygons) && !isRing(row.polygons) ? this.put(ref, "polygons", row.polygons.filter((_, k) => k !== ref.part)) : this.put(ref, "polygons");
     const next = this.with({ [ref.section]: this.rows(ref.section).filter((_, k) => k !== ref.index) });
     if (ref.section !== "storeys") return next;
