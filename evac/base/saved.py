@@ -3,6 +3,7 @@
 import reprlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,8 +36,9 @@ class Saved:
     Attributes
     ----------
     saved : tuple of str
-        Names of attributes in the order in which they are restored: numbers, arrays, other parts, and mappings of
-        these. Arrays are written in place, unless `bounds` gives their shape. Attributes that are None are left out.
+        Names of attributes, also of attributes of these, in the order in which they are restored: numbers, arrays,
+        other parts, and dictionaries and structs of these. Arrays are written in place, unless `bounds` gives their
+        shape. Attributes that are None are left out.
     """
 
     saved: tuple[str, ...] = ()
@@ -49,16 +51,18 @@ class Saved:
         """Return copies of what is saved."""
         state: dict[str, NDArray[Any]] = {}
         for name in self.saved:
-            state |= _arrays_of(name.lstrip("_"), getattr(self, name))
+            state |= _arrays_of(name.lstrip("_"), attrgetter(name)(self))
         return state
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned; `SavedError` if it is something else."""
         for name in self.saved:
-            value = getattr(self, name)
+            *owners, attribute = name.split(".")
+            owner = attrgetter(".".join(owners))(self) if owners else self
+            value = getattr(owner, attribute)
             new = _restored(state, name.lstrip("_"), value, self, name)
             if new is not value:
-                setattr(self, name, new)
+                setattr(owner, attribute, new)
 
 
 def _items(value: Any) -> Mapping[Any, Any] | None:
@@ -87,7 +91,9 @@ def _restored(state: State, key: str, value: Any, owner: Saved, name: str) -> An
             value.restore(own)
     elif (items := _items(value)) is not None:
         for item, part in items.items():
-            _restored(state, f"{key}.{item}", part, owner, item if item in owner.bounds() else name)
+            new = _restored(state, f"{key}.{item}", part, owner, item if item in owner.bounds() else name)
+            if new is not part:
+                value[item] = new
     elif value is not None:
         array, allowed = np.asarray(value), owner.bounds().get(name, Bounds())
         shape = array.shape if allowed.shape is None else allowed.shape

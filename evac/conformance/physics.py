@@ -2,7 +2,7 @@
 
 import copy
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -75,7 +75,7 @@ def walk(
     steps: int,
     walls: FloatArray = NOWHERE,
     ahead: FloatArray = EAST,
-    saved: Mapping[str, NDArray[Any]] | None = None,
+    saved: dict[str, NDArray[Any]] | None = None,
 ) -> tuple[list[Crowd], CompiledEngine]:
     """Return copies of a crowd that walks ahead after each tick of plain steps, or of two steps, and the engine."""
     world = make_world(room(LEVEL, walls), one_direction(LEVEL, ahead))
@@ -187,7 +187,7 @@ def check_crowd(model: ContactModel, pace: Pace) -> None:
     if model.memory:
         # From the snapshot on, bodies are in another order.
         later = NINE_PEOPLE.replace(position=_turned(half.position), velocity=_turned(half.velocity))
-        given = _turned(WALLS), NORTH, walk(model, pace, NINE_PEOPLE, 60, WALLS)[1].snapshot()
+        given = _turned(WALLS), NORTH, walk(model, pace, NINE_PEOPLE, 60, WALLS)[1].state()
         scenes.append(("rotated in the middle", later, given, _turned(whole.position), memory))
     for what, people, given, expected, remedy in scenes:
         with scene(f"{PRESSED}, {what}, {pace}"):
@@ -225,7 +225,7 @@ def _problem(spring: float = 0.0, work: float = 0.0) -> Problem:
     """Return the problem of a step, without percussions, with an elastic term and a number in all work arrays."""
     places = [(2.3, -0.41), *((2.3 - 0.4 * k, 0.02 * (k % 2)) for k in range(12))]  # the first one stands beside
     _, engine = walk(SOLVED(), PLAIN, make_crowd(places, speed=1.5, mass=np.linspace(60, 100, 13)), 10, WALLS)
-    problem: Problem = copy.deepcopy(engine.state.problem)
+    problem: Problem = copy.deepcopy(engine.data.problem)
     problem.percussion[:], problem.velocity[:], problem.rigid = 0.0, problem.free, int(spring == 0.0)
     for array in (getattr(problem, name) for name in WORK):
         array[...] = work if array.dtype == np.float64 else 0

@@ -1,13 +1,14 @@
 """The engine, which makes the steps of a tick: what a simulation requires of one, and the compiled engine."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from evac.base.errors import PluginError, SimulationError, fault, is_foreign, place_of, plugin_code
 from evac.base.parameters import did_you_mean
-from evac.base.saved import FINITE, SavedError, taken
+from evac.base.saved import FINITE, Bounds, Saved
 from evac.directions.sampling import sample_travel_times
 from evac.jit import AddressCall, Bytes, Entry, call_body_force, call_pair_force
 from evac.jit.loading import addresses_of
@@ -66,13 +67,13 @@ _FAILURES = {
 }
 
 
-class Engine(Protocol):
+class Engine(Saved, ABC):
     """What a simulation requires of an engine, which moves people between two ticks.
 
     `evac.simulation.assembly.ENGINE` is the class of all runs, made with the parameters of `CompiledEngine`. It reads
     the `World`, in which the scene opens and closes links between ticks, and writes the arrays of the `Crowd` that
     belong to the contact model (docs/architecture.md). Results must not depend on anything but the crowd, the world and
-    what `snapshot` returns.
+    what `saved` names, which is restored after `load`.
     """
 
     @classmethod
@@ -91,9 +92,11 @@ class Engine(Protocol):
         """
         return []
 
+    @abstractmethod
     def load(self, model: ContactModel) -> None:
         """Prepare a contact model, at least before its first tick; nothing happens if it has been prepared."""
 
+    @abstractmethod
     def advance(
         self, model: ContactModel, crowd: Crowd, first: int, steps: int, length: float, explicit: bool, report: bool
     ) -> Events:
@@ -115,21 +118,19 @@ class Engine(Protocol):
             Whether contact forces are written for the last step.
         """
 
-    def snapshot(self) -> dict[str, np.ndarray]:
-        """Return copies of the arrays, besides the crowd, that the next tick depends on, by name."""
-
-    def restore(self, saved: Mapping[str, np.ndarray]) -> None:
-        """Restore the arrays that `snapshot` returned; called after `load`."""
-
+    @abstractmethod
     def own_arrays(self) -> list[str]:
         """Return the names of the arrays that the loaded contact model keeps in the engine."""
 
+    @abstractmethod
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
         """Return the optional parts of the engine: name, whether it is included, and the reason."""
 
+    @abstractmethod
     def explain_forces(self) -> dict[str, str]:
         """Return how each force in use acts, by name."""
 
+    @abstractmethod
     def contact_report(self, model: ContactModel) -> dict[str, Any]:
         """Return the counts and sums of the run until now for summary.json, with the names in docs/summary.md.
 
@@ -143,8 +144,12 @@ class CompiledEngine(Engine):
 
     Attributes
     ----------
-    state : State
+    data : State
+    memory : dict of str to array
+        What contacts remember between two ticks, see `memory_by_person`; empty if the model declares no memory.
     """
+
+    saved = ("memory", "room", "data.tally", "data.lists.pair_reach", "data.lists.wall_reach", "data.clock.h_before")
 
     def __init__(
         self,
@@ -162,8 +167,9 @@ class CompiledEngine(Engine):
         self._solvers = solvers or {}
         self._pair_forces = [force for force in self._forces if force.pair is not None]
         self._body_forces = [force for force in self._forces if force.body is not None]
-        self.state = make_state(world, people, pack_forces(self._pair_forces), pack_forces(self._body_forces))
-        self.state.forces.spare_waiting = int(spare_waiting)
+        self.data = make_state(world, people, pack_forces(self._pair_forces), pack_forces(self._body_forces))
+        self.data.forces.spare_waiting = int(spare_waiting)
+        self.memory: dict[str, np.ndarray] = {}
         self._own: Any = None
         self._model: ContactModel | None = None
 
@@ -172,7 +178,7 @@ class CompiledEngine(Engine):
     ) -> Events:
         """Make the steps of a tick and return its crossings, see `Engine.advance`."""
         self.load(model)
-        state, clock = self.state, self.state.clock
+        state, clock = self.data, self.data.clock
         if self._gather(model, crowd):
             clock.now, clock.last, clock.length, clock.parts = first, first + steps, length, 1
             clock.explicit, clock.report_force, clock.full = int(explicit), int(report), int(self.full)
@@ -181,18 +187,19 @@ class CompiledEngine(Engine):
                     outcome = model.advance(self)
                 if outcome != status.OK:
                     self._handle(model, int(outcome), clock.now * length)
+        if model.memory:
+            self.memory = memory_by_person(state)
         state.tally[at.STEPS] += steps
         scatter(crowd, state.bodies)
         return state.events
 
     def _gather(self, model: ContactModel, crowd: Crowd) -> int:
         """Copy the people inside to the bodies, in the order that the model requires; return their number."""
-        rows = rows_by_travel_time(self.state.world, crowd) if model.along_the_way else rows_by_place(crowd)
-        kept = memory_by_person(self.state) if model.memory else None
-        self.state.bodies.row[: len(rows)] = rows
-        gather(self.state, crowd, len(rows))
-        if kept is not None:
-            remember_by_person(self.state, *kept)
+        rows = rows_by_travel_time(self.data.world, crowd) if model.along_the_way else rows_by_place(crowd)
+        self.data.bodies.row[: len(rows)] = rows
+        gather(self.data, crowd, len(rows))
+        if model.memory:
+            remember_by_person(self.data, **self.memory)
         return len(rows)
 
     def load(self, model: ContactModel) -> None:
@@ -200,7 +207,7 @@ class CompiledEngine(Engine):
         if self._model is model:
             return
         self._model = None  # until all of it is loaded
-        state = self.state
+        state = self.data
         with plugin_code(f"contact model {model.name!r}", model):
             state.traits = model.traits(state.world)
             self._own = model.own(len(state.bodies.row), state.world)
@@ -210,6 +217,7 @@ class CompiledEngine(Engine):
         addresses_of(self.entries(model))
         room, width = len(state.contacts.body), len(model.memory)
         state.contacts.memory, state.memory = np.zeros((room + 1, width)), make_kept(room if width else 0, width)
+        self.memory = memory_by_person(state) if width else {}
         if isinstance(model, SolvedContactModel):
             state.problem = make_problem(len(state.bodies.row), room)
         loaded = entries_of_parts(model, self._forces, self.full or have_seams(state.world.backed))
@@ -240,11 +248,11 @@ class CompiledEngine(Engine):
 
     def entries(self, model: ContactModel) -> list[Entry]:
         """Return the kernels that a run is known to need."""
-        return self.kernels(model, self._forces, self._solvers, self.state.world.backed, self.full)
+        return self.kernels(model, self._forces, self._solvers, self.data.world.backed, self.full)
 
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
         """Return the optional parts of the step loop: name, whether it is included, and the reason."""
-        backed = self.state.world.backed
+        backed = self.data.world.backed
         why = f"levels: {len(backed)}, of which {int(backed.sum())} have walls right behind an exit"
         rows = [("contacts across portals and exits", self.full or have_seams(backed), why)]
         if isinstance(model, SolvedContactModel):
@@ -263,24 +271,24 @@ class CompiledEngine(Engine):
         """Return how each force in use acts, by name."""
         effects = {}
         for k, force in enumerate(self._body_forces):
-            cutoff = self.state.body_forces.cutoff[k]
+            cutoff = self.data.body_forces.cutoff[k]
             walls = f", depending on walls up to a gap of {cutoff:.2f} m" if cutoff > 0.0 else ""
             effects[force.name] = f"acts on each person{walls}"
         for k, force in enumerate(self._pair_forces):
-            between = f"acts up to a gap of {self.state.forces.cutoff[k]:.2f} m"
+            between = f"acts up to a gap of {self.data.forces.cutoff[k]:.2f} m"
             effects[force.name] = f"{between}; {effects[force.name]}" if force.name in effects else between
         return effects
 
     def _load_part(self, model: SolvedContactModel, needed: int) -> None:
         """Load a part that a step turned out to need."""
         if needed == status.NEEDS_STRONGER_SOLVER:
-            self.state.parts.stronger = load_solver(solver_of(model, self._solvers, stronger=True))
+            self.data.parts.stronger = load_solver(solver_of(model, self._solvers, stronger=True))
         else:
-            self.state.parts.separation = separate.address
+            self.data.parts.separation = separate.address
 
     def _handle(self, model: ContactModel, outcome: int, time: float) -> None:
         """Handle a status: load a part, enlarge an array, or raise SimulationError."""
-        state, parts = self.state, self.state.parts
+        state, parts = self.data, self.data.parts
         loaded = {status.NEEDS_STRONGER_SOLVER: parts.stronger.solve, status.NEEDS_SEPARATION: parts.separation}
         if isinstance(model, SolvedContactModel) and not loaded.get(outcome, 1):
             self._load_part(model, outcome)
@@ -315,7 +323,7 @@ class CompiledEngine(Engine):
 
     def _force_at_fault(self, time: float) -> PluginError | None:
         """Return the error if a force in the step that failed was not finite; None if all were finite."""
-        state, bodies = self.state, self.state.bodies
+        state, bodies = self.data, self.data.bodies
         if np.isfinite(bodies.push[: bodies.inside]).all():
             return None
         kinds = (("pair", self._pair_forces, add_forces), ("body", self._body_forces, add_body_forces))
@@ -341,60 +349,46 @@ class CompiledEngine(Engine):
             return []
         return [name for name, value in self._own.values().items() if isinstance(value, np.ndarray)]
 
-    def snapshot(self) -> dict[str, np.ndarray]:
-        """Return copies of the state, besides the crowd, that the next tick depends on."""
-        state = self.state
-        room = (state.lists.pair_body, state.lists.wall_item, state.contacts.body, state.events.row)
-        arrays = {
-            "tally": state.tally.copy(),
-            "span": np.array([state.lists.pair_reach, state.lists.wall_reach]),
-            "h_before": np.array([state.clock.h_before]),
-            "room": np.array([len(array) for array in room]),
-        }
-        if self._model is not None and self._model.memory:
-            arrays |= zip(self._memory_keys(self._model), memory_by_person(state), strict=True)
-        return arrays
+    @property
+    def room(self) -> np.ndarray:
+        """Sizes (4,) of the arrays of pairs, walls, contacts and crossings, which affect warm starts."""
+        state = self.data
+        arrays = state.lists.pair_body, state.lists.wall_item, state.contacts.body, state.events.row
+        return np.array([len(array) for array in arrays])
 
-    def _memory_keys(self, model: ContactModel) -> tuple[str, str]:
-        """Return the names of the pairs and the numbers in a saved state."""
-        return f"memory.{model.name}.pairs", f"memory.{model.name}.numbers"
-
-    def restore(self, saved: Mapping[str, np.ndarray]) -> None:
-        """Restore what `snapshot` returned, including array sizes, which affect warm starts."""
-        state, n = self.state, len(self.state.bodies.row)
-        own = self.snapshot()
-        most = np.full(len(at.NAMES), FINITE)
-        most[[at.DEEPEST_PERSON, at.DEEPEST_LEVEL]] = n - 1, len(state.world.cosine) - 1
-        tally = taken(saved, "tally", np.float64, most.shape, np.where(most < FINITE, 0.0, -FINITE), most)
-        span = taken(saved, "span", np.float64, (2,), own["span"], LONGEST_REACH)
-        before = taken(saved, "h_before", np.float64, (1,), 0.0, 1.0)
-        room = taken(saved, "room", np.int64, (4,), own["room"], own["room"] * MOST_GROWTH)
-        pairs, walls, contacts, events = map(int, room)
-        state.lists = make_lists(n, pairs, walls, len(state.world.cosine))
-        state.memory.number = 0
+    @room.setter
+    def room(self, room: np.ndarray) -> None:
+        """Replace these arrays by empty ones."""
+        state, (pairs, walls, contacts, events) = self.data, room.tolist()
+        state.lists = make_lists(len(state.bodies.row), pairs, walls, len(state.world.cosine))
         make_room_for_contacts(state, contacts)
-        if self._model is not None and self._model.memory:
-            self._restore_memory(self._model, saved)
         state.events = allocate(Events, events)
-        state.tally[:] = tally
-        state.lists.pair_reach, state.lists.wall_reach = map(float, span)
-        state.clock.h_before = float(before[0])
 
-    def _restore_memory(self, model: ContactModel, saved: Mapping[str, np.ndarray]) -> None:
-        bodies, n, room = self.state.bodies, len(self.state.bodies.row), self.state.memory.size
-        key, of_numbers = self._memory_keys(model)
-        pairs = taken(saved, key, np.int64, (None, 2), (0, -len(self.state.world.wall)), n - 1)
-        if len(pairs) > room:
-            raise SavedError(f"{key}: {len(pairs)} contacts, with room for {room}")
-        numbers = taken(saved, of_numbers, np.float64, (len(pairs), len(model.memory)), -np.inf, np.inf)
-        bodies.row[:], bodies.inside = np.arange(n), n
-        remember_by_person(self.state, pairs, numbers)
+    def bounds(self) -> dict[str, Bounds]:
+        """Return what saved arrays may be: persons, walls and levels that there are, room for what is remembered."""
+        state, people, room = self.data, len(self.data.bodies.row), self.room
+        most = np.full(len(at.NAMES), FINITE)
+        most[[at.DEEPEST_PERSON, at.DEEPEST_LEVEL]] = people - 1, len(state.world.cosine) - 1
+        bounds = {
+            "room": Bounds(
+                np.maximum(room, [0, 0, len(self.memory.get("pairs", ())), 0]), room * MOST_GROWTH, shape=(4,)
+            ),
+            "data.tally": Bounds(np.where(most < FINITE, 0.0, -FINITE), most),
+            "data.lists.pair_reach": Bounds(state.lists.pair_reach, LONGEST_REACH),
+            "data.lists.wall_reach": Bounds(state.lists.wall_reach, LONGEST_REACH),
+            "data.clock.h_before": Bounds(0.0, 1.0),
+        }
+        if self.memory:
+            remembered = len(self.memory["pairs"]), state.memory.value.shape[1]
+            bounds["pairs"] = Bounds((0, -len(state.world.wall)), people - 1, shape=(None, 2))
+            bounds["numbers"] = Bounds(-np.inf, np.inf, shape=remembered)
+        return bounds
 
     def report(self) -> dict[str, float | int]:
         """Return the tallies of the run by name: counts as int, other sums as float."""
         return {
             name: float(value) if name in at.MEASURES else int(value)
-            for name, value in zip(at.NAMES, self.state.tally, strict=True)
+            for name, value in zip(at.NAMES, self.data.tally, strict=True)
             if name not in at.DEEPEST
         }
 
@@ -403,7 +397,7 @@ class CompiledEngine(Engine):
         report: dict[str, Any] = self.report()
         overlaps, total = report.pop("overlaps"), report.pop("overlap_sum")
         report["mean_overlap"] = total / overlaps if overlaps else 0.0
-        time, person, level, x, y = self.state.tally[at.DEEPEST_TIME :].tolist()
+        time, person, level, x, y = self.data.tally[at.DEEPEST_TIME :].tolist()
         place = {"time": time, "person": int(person), "level": self._level_name(int(level)), "x": x, "y": y}
         report["greatest_overlap_at"] = place if report["greatest_overlap"] else None
         report["failed_solver"] = ""
@@ -415,7 +409,7 @@ class CompiledEngine(Engine):
 
     def _place(self) -> str:
         """Describe the body that a failure concerns, with its place."""
-        bodies = self.state.bodies
+        bodies = self.data.bodies
         x, y = bodies.position[bodies.failed]
         level = self._level_name(int(bodies.level[bodies.failed]))
         return f"person {bodies.row[bodies.failed]} at ({x:.2f}, {y:.2f}) on level {level!r}"

@@ -111,7 +111,7 @@ class Simulation(Saved):
 
     saved = (
         *("step", "start_position", "start_level", "displacement_velocity", "timetable", "scene", "population"),
-        *("places", "outside", "exposure", "safety", "deciding", "watch", "ending"),
+        *("places", "outside", "exposure", "safety", "deciding", "watch", "ending", "engine"),
     )
 
     def __init__(
@@ -398,8 +398,7 @@ class Simulation(Saved):
         """
         self.engine.load(self.contact)  # prepares the contact model, so that it has a state
         contact = state_of(self.contact, f"contact model {self.contact.name!r}", f"contact.{self.contact.name}.")
-        engine = {f"engine.{name}": array for name, array in self.engine.snapshot().items()}
-        return super().state() | contact | engine
+        return super().state() | contact
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore the arrays that `state` returned in a simulation of the same case.
@@ -421,8 +420,6 @@ class Simulation(Saved):
         what = f"contact model {contact.name!r}: restore"
         with plugin_code(what, contact), part_of(state, f"contact.{contact.name}.") as own:
             contact.restore(own)
-        with part_of(state, "engine.") as own:
-            self.engine.restore(own)
         self.ended = self.ending.over(self.step, self.population.crowd, self.can_grow)
 
     def _plugins(self) -> list[str]:

@@ -106,7 +106,7 @@ class HidesOverlaps(Bounce):
 
     def advance(self, engine):
         status = super().advance(engine)
-        engine.state.tally[at.GREATEST_OVERLAP] = 0.0
+        engine.data.tally[at.GREATEST_OVERLAP] = 0.0
         return status
 
 

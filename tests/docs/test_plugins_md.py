@@ -177,11 +177,11 @@ def test_the_stretch_is_forgotten_when_two_people_part(plugin_files):
     model = class_of(plugin_files, "tangential_spring", "contact_models")()
     crowd = make_crowd([(-0.19, 0.0)], [(0.0, 0.1)], radius=0.2, mass=MASS, tau=1e30)
     engine = walk(model, crowd, 5, h=1e-3, building=WALL)
-    stretch = engine.snapshot()["memory.tangential_spring.numbers"]
+    stretch = engine.memory["numbers"]
     assert stretch[0, 0] == pytest.approx(-4 * 1e-4, rel=0.01)  # the tangent is (0, -1)
     walk(model, crowd, 200, h=1e-3, engine=engine)
     assert crowd.position[0, 0] < -0.2
-    assert engine.snapshot()["memory.tangential_spring.numbers"].shape == (0, 1)
+    assert engine.memory["numbers"].shape == (0, 1)
     crowd.position[:], crowd.velocity[:] = (-0.19, 0.0), 0.0
     walk(model, crowd, 5, h=1e-3, engine=engine)
     assert crowd.velocity[0, 1] == 0.0
@@ -195,7 +195,7 @@ def test_a_run_resumed_while_people_stick_goes_on_to_the_bit(plugin_files, tmp_p
         if whole.step == 300:
             middle = whole.state()
         whole.advance_tick()
-    pairs, stretch = (middle[f"engine.memory.tangential_spring.{name}"] for name in ("pairs", "numbers"))
+    pairs, stretch = (middle[f"engine.memory.{name}"] for name in ("pairs", "numbers"))
     assert len(pairs) > 3
     assert np.abs(stretch).min() > 0.0
     resumed = evac.Simulation(case)

@@ -38,8 +38,8 @@ def test_room_for_one_gives_the_bits_of_room_for_all(model, tick, scene):
         crowd = make_crowd(start[:, :2], start[:, 2:], speed=1.5)
         engine = make_engine(crowd, building, forces=[SocialForce()])
         if is_scarce:
-            engine.state.lists, engine.state.events = make_lists(n, 1, 1, 1), allocate(Events, 1)
-            make_room_for_contacts(engine.state, 1)
+            engine.data.lists, engine.data.events = make_lists(n, 1, 1, 1), allocate(Events, 1)
+            make_room_for_contacts(engine.data, 1)
         crossings = []
         for first in range(0, 6, tick):
             events = engine.advance(model, crowd, first, tick, 0.01, True, True)
@@ -192,7 +192,7 @@ def note_parts(engine):
     met, load = [], engine._load_part
 
     def noting(model, status):
-        met.append((status, engine.state.clock.now))
+        met.append((status, engine.data.clock.now))
         load(model, status)
 
     engine._load_part = noting
@@ -238,7 +238,7 @@ def test_a_run_resumed_beside_the_tick_that_loads_a_part_gives_the_same_bits(nam
 
     begun = scene(False)
     advance(begun[1], model, begun[0], 0, stop)
-    saved, crowd = begun[1].snapshot(), begun[0]
+    saved, crowd = begun[1].state(), begun[0]
     _, engine = scene(False)
     engine.restore(saved)
     again = note_parts(engine)
@@ -250,16 +250,16 @@ def test_a_run_resumed_beside_the_tick_that_loads_a_part_gives_the_same_bits(nam
 def test_a_part_that_is_never_needed_is_never_loaded():
     crowd = make_crowd([(0, 0)], speed=1.5)
     engine = walk(Nsm1(), crowd, 100)
-    assert (engine.state.parts.stronger.solve, engine.state.parts.separation) == (0, 0)
-    assert engine.state.parts.solver.solve == SOLVERS["accelerated_sweeps"].solve.address
+    assert (engine.data.parts.stronger.solve, engine.data.parts.separation) == (0, 0)
+    assert engine.data.parts.solver.solve == SOLVERS["accelerated_sweeps"].solve.address
 
 
 @pytest.mark.parametrize("separates", [False, True])
 def test_everything_forced_in_is_what_the_model_can_ask_for(separates):
     engine = make_engine(make_crowd([(0, 0)]), full=True)
     engine.load(Nsm2(position_correction=separates))
-    assert engine.state.parts.stronger.solve != 0
-    assert (engine.state.parts.separation != 0) == separates
+    assert engine.data.parts.stronger.solve != 0
+    assert (engine.data.parts.separation != 0) == separates
 
 
 class Constants(Struct):

@@ -56,7 +56,7 @@ def walked(axis, radius):
     crowd = make_crowd(np.outer([0.05, -0.3, -0.6], along), np.outer([1.2] * 3, along), radius=radius)
     engine = make_engine(crowd, make_building(walls=[corners.ravel()]), forces=[SocialForce(), KeepOff()])
     engine.advance(Dem(), crowd, 0, 20, 0.01, False, True)
-    pushes = engine.state.bodies.push[:3] @ along
+    pushes = engine.data.bodies.push[:3] @ along
     return [*(crowd.position @ along), *crowd.contact_force, *pushes, engine.report()["contacts"]]
 
 

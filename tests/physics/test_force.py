@@ -104,7 +104,7 @@ def pushes(force, place, building=None, level=0, **settings):
     engine = make_engine(crowd, building, forces=[force], **settings)
     engine.advance(Dem(), crowd, 0, 1, 1e-6, True, False)
     found = np.empty((len(place), 2))
-    found[engine.state.bodies.row[: len(place)]] = engine.state.bodies.push[: len(place)]
+    found[engine.data.bodies.row[: len(place)]] = engine.data.bodies.push[: len(place)]
     return found
 
 
@@ -128,7 +128,7 @@ def test_a_force_between_two_people_gets_their_relative_velocity():
 def test_place_velocity_and_desired_direction_are_those_of_the_person():
     crowd = make_crowd([(2.0, 0), (-1.0, 3.0)], [(0.5, 0), (0, 0.1)], mass=80.0, tau=FREE)
     engine = walk(Dem(), crowd, 1, h=1e-9, forces=[Spring(x=7.0)])
-    found = {int(row): push for row, push in zip(engine.state.bodies.row, engine.state.bodies.push, strict=True)}
+    found = {int(row): push for row, push in zip(engine.data.bodies.row, engine.data.bodies.push, strict=True)}
     np.testing.assert_allclose(found[0], [-14.0 - 1.5, 5.0])
     np.testing.assert_allclose(found[1], [7.0, 5.0])
 
@@ -167,9 +167,9 @@ def test_a_closed_exit_is_a_wall():
     crowd = make_crowd([(1.5, 0.0)], radius=0.2, tau=FREE)
     engine = make_engine(crowd, building, forces=[Seen()])
     for is_open, expected in ((True, [0.0, 0.0]), (False, [-0.3, 0.0])):
-        set_open(engine.state.world, building.link_of(building.exits[0]), is_open)
+        set_open(engine.data.world, building.link_of(building.exits[0]), is_open)
         engine.advance(Dem(), crowd, 0, 1, 1e-6, True, False)
-        np.testing.assert_allclose(engine.state.bodies.push[0], expected, atol=1e-9)
+        np.testing.assert_allclose(engine.data.bodies.push[0], expected, atol=1e-9)
 
 
 def test_a_force_may_act_on_each_and_between_two():
@@ -182,10 +182,10 @@ def test_a_force_may_act_on_each_and_between_two():
 def test_nothing_is_loaded_where_there_is_no_such_force():
     engine = make_engine(make_crowd([(0, 0)]))
     engine.load(Dem())
-    assert engine.state.parts.body_forces == engine.state.parts.forces == 0
+    assert engine.data.parts.body_forces == engine.data.parts.forces == 0
     assert add_body_forces not in engine.entries(Dem())
     engine = make_engine(make_crowd([(0, 0)]), forces=[Wind()])
     assert add_body_forces in engine.entries(Dem())
     assert add_forces not in engine.entries(Dem())
     engine.load(Dem())
-    assert engine.state.parts.forces == 0 != engine.state.parts.body_forces
+    assert engine.data.parts.forces == 0 != engine.data.parts.body_forces

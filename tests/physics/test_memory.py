@@ -88,8 +88,7 @@ class StickingNumpy(ContactModel):
 
 def remembered(engine):
     """Return what is kept after a tick, pairs and numbers."""
-    pairs, numbers = (array for key, array in engine.snapshot().items() if key.startswith("memory."))
-    return pairs.tolist(), numbers
+    return engine.memory["pairs"].tolist(), engine.memory["numbers"]
 
 
 def pressed_together(model, steps, h=0.01, tick=10, engine=None, **scene):
@@ -170,8 +169,8 @@ def test_steps_that_are_made_again_count_once(stiffness, speed, reason, is_scarc
     assert remembered(engine)[1].tolist() == [[engine.report()["sub_steps"], 0.0]]
     crowd.velocity[2:] = late
     if is_scarce:
-        make_room_for_contacts(engine.state, 2 * len(engine.state.contacts.body))
-        engine.state.events = allocate(Events, 1)
+        make_room_for_contacts(engine.data, 2 * len(engine.data.contacts.body))
+        engine.data.events = allocate(Events, 1)
     engine.advance(model, crowd, 1, 1, 0.01, True, False)
     report, (pairs, numbers) = engine.report(), remembered(engine)
     assert report[reason] > 0
@@ -193,9 +192,9 @@ def test_a_contact_that_began_in_a_step_that_is_undone_begins_anew():
     engine.advance(model, crowd, 1, 1, 1e-3, True, False)
     assert remembered(engine)[0] == [[0, 1]]
     crowd.position[3, 0], crowd.velocity[4:, 0] = 0.39, 1.0
-    engine.state.events = allocate(Events, 1)
+    engine.data.events = allocate(Events, 1)
     engine.advance(model, crowd, 2, 1, 1e-3, True, False)
-    assert len(engine.state.events.row) == 2
+    assert len(engine.data.events.row) == 2
     assert remembered(engine)[0] == [[0, 1], [2, 3]]
     assert remembered(engine)[1][:, 0].tolist() == [3.0, 1.0]
 
@@ -285,16 +284,16 @@ def half_way():
     """Return the crowd and what the engine saves in the middle of a walk."""
     crowd, engine = crowd_at_a_door()
     walk_to_the_door(Sticking(), crowd, engine, 15)
-    return crowd, engine.snapshot()
+    return crowd, engine.state()
 
 
 def test_a_resumed_walk_goes_on_to_the_bit():
     crowd, saved = half_way()
-    assert len(saved["memory.sticking.pairs"]) > 10
+    assert len(saved["memory.pairs"]) > 10
     _, engine = crowd_at_a_door()
     engine.load(Sticking())
-    with pytest.raises(SavedError, match=r"memory\.sticking\.numbers"):
-        engine.restore({key: value for key, value in saved.items() if key != "memory.sticking.numbers"})
+    with pytest.raises(SavedError, match=r"memory\.numbers"):
+        engine.restore({key: value for key, value in saved.items() if key != "memory.numbers"})
     model = Sticking()
     engine.load(model)
     engine.restore(saved)
@@ -303,8 +302,8 @@ def test_a_resumed_walk_goes_on_to_the_bit():
     walk_to_the_door(model, wanted, whole)
     for name in ("position", "velocity", "level", "distance"):
         np.testing.assert_array_equal(getattr(crowd, name), getattr(wanted, name))
-    for key, array in whole.snapshot().items():
-        np.testing.assert_array_equal(engine.snapshot()[key], array)
+    for key, array in whole.state().items():
+        np.testing.assert_array_equal(engine.state()[key], array)
 
 
 def test_friction_counts_in_the_energy():
@@ -320,18 +319,18 @@ def test_friction_counts_in_the_energy():
 def test_models_that_declare_nothing_have_no_memory(model):
     crowd, engine = crowd_at_a_door()
     walk_to_the_door(model, crowd, engine, 2)
-    assert engine.state.contacts.memory.size == engine.state.memory.value.size == engine.state.memory.body.size == 0
-    assert engine.state.parts.recall == engine.state.parts.retain == 0
+    assert engine.data.contacts.memory.size == engine.data.memory.value.size == engine.data.memory.body.size == 0
+    assert engine.data.parts.recall == engine.data.parts.retain == 0
     assert not {"recall", "retain"} & {entry.title for entry in engine.entries(model)}
     assert {"recall", "retain"} <= {entry.title for entry in engine.entries(Sticking())}
-    assert not [key for key in engine.snapshot() if key.startswith("memory")]
+    assert not [key for key in engine.state() if key.startswith("memory")]
 
 
 @pytest.mark.parametrize("key", ["pairs", "numbers"])
 @pytest.mark.parametrize("fault", ["person", "wall", "negative", "width", "many", "kind", "nan"])
 def test_a_saved_memory_that_cannot_be_is_refused(fault, key):
     _, saved = half_way()
-    pairs, numbers = saved["memory.sticking.pairs"], saved["memory.sticking.numbers"]
+    pairs, numbers = saved["memory.pairs"], saved["memory.numbers"]
     of_pairs = {
         "person": np.where(pairs == pairs.max(), 30, pairs),
         "wall": np.where(pairs < 0, -99, pairs),
@@ -350,9 +349,9 @@ def test_a_saved_memory_that_cannot_be_is_refused(fault, key):
         "kind": numbers.astype(np.int64),
         "nan": numbers * np.nan,
     }
-    name = f"memory.sticking.{key}"
+    name = f"memory.{key}"
     saved[name] = (of_pairs if key == "pairs" else of_numbers)[fault]
     _, engine = crowd_at_a_door()
     engine.load(Sticking())
-    with pytest.raises(SavedError, match=r"memory\.sticking\."):
+    with pytest.raises(SavedError, match=r"memory\.|room"):
         engine.restore(saved)

@@ -54,7 +54,7 @@ def test_only_those_inside_are_in_order_and_ties_are_in_order_of_rows():
 def test_models_that_are_solved_have_the_order_of_travel_time(model, is_by_place):
     crowd = random_crowd(60, (0, 0), (8, 8), seed=6)
     engine = make_engine(crowd, fields=fields_towards((9, 4)))
-    by_place, by_time = rows_by_place(crowd), rows_by_travel_time(engine.state.world, crowd)
+    by_place, by_time = rows_by_place(crowd), rows_by_travel_time(engine.data.world, crowd)
     assert (by_place != by_time).any()
     engine.advance(model, crowd, 0, 10, 0.01, False, False)
-    np.testing.assert_array_equal(engine.state.bodies.row, by_place if is_by_place else by_time)
+    np.testing.assert_array_equal(engine.data.bodies.row, by_place if is_by_place else by_time)

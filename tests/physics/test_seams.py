@@ -161,7 +161,7 @@ def test_pushed_back_over_a_portal_and_over_it_again():
 def test_a_closed_portal_lets_nobody_through():
     crowd = make_crowd([(4.0, 2.0)], [(1.5, 0.0)], tau=1e30, radius=0.2)
     engine = make_engine(crowd, cut_floor(0.0), uniform_fields(2))
-    engine.state.world.link_open[0] = 0
+    engine.data.world.link_open[0] = 0
     walk(Nsm1(), crowd, 200, engine=engine)
     assert crowd.level[0] == 0
 
@@ -175,7 +175,7 @@ def test_a_closed_portal_keeps_forces_out(closed):
     crowd = make_crowd([(3.75, 1.0), (5.25, 1.0)], level=[0, 2], mass=80.0, tau=1e30)
     engine = make_engine(crowd, building, uniform_fields(3), [SocialForce(range=0.3)])
     if closed is not None:
-        set_open(engine.state.world, closed, False)
+        set_open(engine.data.world, closed, False)
     walk(Nsm1(), crowd, 1, engine=engine)
     gained = 0.01 * 1000.0 * np.exp(-1.1 / 0.3) / 80.0 if closed is None else 0.0
     np.testing.assert_allclose(crowd.velocity, [(-gained, 0.0), (gained, 0.0)], rtol=1e-12)
@@ -196,7 +196,7 @@ def test_lists_are_kept_through_a_portal_unless_they_reach_across_the_level_behi
         engine = make_engine(crowd, strip_of_levels(4), forces=[force])
         walk(Dem(), crowd, 10, engine=engine)
         assert crowd.level[0] == 1
-        builds.append((engine.state.lists.pair_reach > 1.0, engine.report()["list_builds"]))
+        builds.append((engine.data.lists.pair_reach > 1.0, engine.report()["list_builds"]))
     assert builds == [(False, 1), (True, 2)]
 
 

@@ -86,7 +86,7 @@ def test_a_cut_step_that_runs_out_of_room_is_cut_once(is_scarce):
     crowd = make_crowd([(0, 0), (2.99, 5.0), (2.99, 7.0)], velocity, radius=0.2, tau=FREE)
     engine = make_engine(crowd, make_building(exits=[(0, (3, -10, 3, 10))]))
     if is_scarce:
-        engine.state.events = allocate(Events, 1)
+        engine.data.events = allocate(Events, 1)
     events = engine.advance(Dem(), crowd, 0, 1, 0.01, True, False)
     report = engine.report()
     assert (report["too_fast_steps"], report["sub_steps"]) == (1, 2)

@@ -121,10 +121,10 @@ def test_a_jam_at_a_door_stays_inside_its_walls(model):
 def test_an_open_wall_is_not_there():
     crowd = make_crowd([(-1.0, 0.0)], radius=0.2, tau=0.2, speed=1.5)
     engine = make_engine(crowd, make_building(walls=[(0, -3, 0, 3)]))
-    engine.state.world.wall_open[0] = 1
+    engine.data.world.wall_open[0] = 1
     walk(Nsm1(), crowd, 200, engine=engine)
     assert crowd.position[0, 0] > 1.0
-    engine.state.world.wall_open[0] = 0
+    engine.data.world.wall_open[0] = 0
     crowd.position[0, 0] = -1.0
     walk(Nsm1(), crowd, 200, engine=engine)
     assert crowd.position[0, 0] == pytest.approx(-0.2, abs=2e-4)

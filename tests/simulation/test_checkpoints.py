@@ -292,7 +292,7 @@ def forge(folder, header=(), **arrays):
         ("simulation.scene.journal", np.frombuffer(b'[[{"time": "soon"}], []]', np.uint8)),
         ("simulation.scene.journal", np.frombuffer(b"[", np.uint8)),
         ("simulation.engine.room", np.array([10**12] * 4)),
-        ("simulation.engine.tally", np.full(29, np.nan)),
+        ("simulation.engine.data.tally", np.full(30, np.nan)),
         ("simulation.watch.chatter.of_whom", np.array([0, 5])),
         ("recorder.trajectory.changes", np.array(9)),
     ],

@@ -23,6 +23,8 @@ PLACES = [[4.0, 2.5], [2.0, 2.5], [0.5, 2.6]]
 class FreeWalk(Engine):
     """Makes steps of the drive alone, of one body after the other, on one level without obstacles."""
 
+    saved = ("steps",)
+
     def __init__(self, world, people, *_):
         self.world, self.steps = world, 0
         self.events = allocate(Events, people)
@@ -51,12 +53,6 @@ class FreeWalk(Engine):
             events.row[k], events.kind[k], events.link[k], events.time[k] = i, EXIT, 0, time + share * h
             events.number += 1
             crowd.level[i] = -1
-
-    def snapshot(self):
-        return {"steps": np.array([self.steps])}
-
-    def restore(self, saved):
-        self.steps = int(saved["steps"][0])
 
     def own_arrays(self):
         return []

@@ -16,7 +16,7 @@ OTHERS = {
         "phases",
         "recording",
         "loop",
-        "engine",
+        "data",
         "registry",
         "contact",
         "plan",

@@ -38,8 +38,8 @@ def alone(simulation, person, state):
     state["population.crowd.level"][others] = -1
     state["population.crowd.exit_time"][others] = 0.0
     state["population.crowd.exit_used"][others] = 0
-    used = simulation.engine.snapshot()  # arrays do not shrink
-    for name in ("span", "room"):
+    used = simulation.engine.state()  # arrays do not shrink
+    for name in ("room", "data.lists.pair_reach", "data.lists.wall_reach"):
         state[f"engine.{name}"] = np.maximum(state[f"engine.{name}"], used[name])
     simulation.restore(state)
     crowd, remaining = simulation.population.crowd, []

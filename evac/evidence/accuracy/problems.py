@@ -37,13 +37,13 @@ class DoorCrowd:
 
     def copy(self, kind: str = "") -> "DoorCrowd":
         """Return an independent copy, with its own door and a new engine."""
-        world, crowd = self.engine.state.world, copy_of(self.crowd)
+        world, crowd = self.engine.data.world, copy_of(self.crowd)
         own = world.replace(wall_open=world.wall_open.copy(), link_open=world.link_open.copy())
         return DoorCrowd(kind or self.kind, make_engine(own, len(crowd.level)), crowd, self.step)
 
     def open_door(self, is_open: bool) -> None:
         """Open or close the door."""
-        set_open(self.engine.state.world, 0, is_open)
+        set_open(self.engine.data.world, 0, is_open)
 
     def walk(self, model: ContactModel, steps: int, step: float = STEP) -> None:
         """Make `steps` steps of `step` [s] in one tick."""
@@ -247,7 +247,7 @@ def _keys(contacts: Contacts) -> list[tuple[int, int]]:
 def _after(snapshot: DoorCrowd, model: ContactModel, steps: int) -> State:
     crowd = snapshot.copy()
     crowd.walk(model, steps)
-    return crowd.engine.state
+    return crowd.engine.data
 
 
 def velocity_error(problem: ContactProblem, truth: FloatArray) -> float:

@@ -184,7 +184,7 @@ def force(simulation: Simulation, loop: Sequence[str]) -> None:
     assert isinstance(engine, CompiledEngine)
     engine.full = False
     engine.load(model)
-    parts, solvers = engine.state.parts, simulation.registry.solvers
+    parts, solvers = engine.data.parts, simulation.registry.solvers
     if "seams" in loop:
         parts.seams = reaches.address
     if "stronger" in loop:

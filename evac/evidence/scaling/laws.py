@@ -93,7 +93,7 @@ def compare(hall: Hall, step: float) -> list[Row]:
     spans: Any = comparison.compare({comparison.LEAST: MinimalWalk(hall, step), **walks}, step, WARM, TIMED)
     rows: list[Row] = []
     for name, program in walks.items():
-        tally = program.walk.engine.state.tally
+        tally = program.walk.engine.data.tally
         times = float(np.median(np.divide(spans[name], spans["DEM"])))
         sub_steps = float(tally[at.SUB_STEPS] / tally[at.STEPS])
         rows.append(

@@ -113,7 +113,7 @@ def phase_times(walk: Walk, variant: Variant, cost: Cost) -> dict[str, float]:
     contacts, drive, move (with sums of work and copies for undoing the step), and sorting of people, once per tick,
     by a tick without steps.
     """
-    state = walk.engine.state
+    state = walk.engine.data
     times = {name: _each(partial(getattr(phases, f"repeat_{name}"), state)) for name in REPEATED}
     times["lists"] *= cost.builds
 

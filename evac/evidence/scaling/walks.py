@@ -114,7 +114,7 @@ class Cost(NamedTuple):
 
 def time_ticks(walk: Walk, model: ContactModel, ticks: int) -> Cost:
     """Take the CPU time of some ticks of a walk, Python's part included, in turns with the minimal kernel."""
-    minimal = start_minimal(walk.crowd, walk.engine.state.world.fields, walk.per_tick, walk.step)
+    minimal = start_minimal(walk.crowd, walk.engine.data.world.fields, walk.per_tick, walk.step)
     before = walk.engine.report()
     inside, spans, least = [], [], []
     for _ in range(ticks):
@@ -156,7 +156,7 @@ def cpu_time(call: Callable[[], Any]) -> float:
 
 def memory(walk: Walk, model: ContactModel) -> int:
     """Return the bytes of all arrays whose size grows with the number of people, including those of the model."""
-    state, people = walk.engine.state, len(walk.crowd.level)
+    state, people = walk.engine.data, len(walk.crowd.level)
     growing = (state.bodies, state.lists, state.contacts, state.warm_start, state.problem, state.events)
     return sum(map(bytes_of, (walk.crowd, *growing, model.own(people, state.world))))
 

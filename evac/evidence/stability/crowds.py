@@ -80,7 +80,7 @@ def _try_squeeze(model: ContactModel) -> Row:
     start = trials.deepest_overlap(scene, scene.crowd.position)
     engine, crowd = scene.start()
     engine.advance(model, crowd, 0, 1, 0.01, False, False)
-    percussion = float(engine.state.contacts.percussion[: engine.state.contacts.number].max())
+    percussion = float(engine.data.contacts.percussion[: engine.data.contacts.number].max())
     trial = trials.attempt(model, scene, 0.01, 2.0)
     verdict = trials.judge(
         trial, lambda _: max(0.0, trials.greatest_overlap(trial) - start), 2e-3, 0.02, "m", is_reported=True

@@ -5,6 +5,8 @@ and in checkpoints by person. A contact that is open at the end of a sub-step is
 declare a memory.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -89,26 +91,26 @@ def tried_memory(contacts, c):
     return row(contacts.memory, last)
 
 
-def memory_by_person(state: State) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return the pairs (m, 2) whose contact is remembered, and their numbers (m, width), between two ticks.
+def memory_by_person(state: State) -> dict[str, NDArray[Any]]:
+    """Return the `pairs` (m, 2) whose contact is remembered, and their `numbers` (m, width), between two ticks.
 
     A pair is two persons, the lower one first, or a person and a wall less the number of walls; pairs are sorted.
     """
     kept = state.memory
     here = slice(kept.half * kept.size, kept.half * kept.size + kept.number)
     pairs = np.column_stack([kept.body[here], kept.key[here]]).astype(np.int64)
-    return _renumbered(pairs, kept.value[here], state.bodies.row)
+    return dict(zip(("pairs", "numbers"), _renumbered(pairs, kept.value[here], state.bodies.row), strict=True))
 
 
-def remember_by_person(state: State, pairs: NDArray[np.int64], value: FloatArray) -> None:
+def remember_by_person(state: State, pairs: NDArray[np.int64], numbers: FloatArray) -> None:
     """Set the memory at the start of a tick from what `memory_by_person` returned; who has left is forgotten."""
     bodies, kept = state.bodies, state.memory
     body = np.full(len(bodies.row), -1)
     body[bodies.row[: bodies.inside]] = np.arange(bodies.inside)
-    pairs, value = _renumbered(pairs, value, body)
+    pairs, numbers = _renumbered(pairs, numbers, body)
     kept.half, kept.number = 0, len(pairs)
     kept.body[: len(pairs)], kept.key[: len(pairs)] = pairs.T
-    kept.value[: len(pairs)] = value
+    kept.value[: len(pairs)] = numbers
 
 
 def _renumbered(

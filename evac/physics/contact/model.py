@@ -245,7 +245,7 @@ class ContactModel(Configurable, ABC):
 
     def advance(self, engine: "CompiledEngine") -> int:
         """Make all steps of the clock; return a status, OK if all were made."""
-        state = engine.state
+        state = engine.data
         if self.law is not None:
             return int(driver.advance(state))
         clock = state.clock
@@ -263,17 +263,17 @@ class ContactModel(Configurable, ABC):
     def _make_step(self, engine: "CompiledEngine", parts: int) -> int:
         """Make one step in `parts` sub-steps, calling `step` from Python between the kernels of the step loop."""
         for part in range(parts):
-            driver.set_clock(engine.state, part, parts)
-            status = driver.prepare_step(engine.state)
+            driver.set_clock(engine.data, part, parts)
+            status = driver.prepare_step(engine.data)
             if status == OK:
                 self._call_step(engine)
-                status = driver.finish_step(engine.state)
+                status = driver.finish_step(engine.data)
             if status != OK:
                 return int(status)
         return OK
 
     def _call_step(self, engine: "CompiledEngine") -> None:
-        bodies, contacts = engine.state.bodies, engine.state.contacts
+        bodies, contacts = engine.data.bodies, engine.data.contacts
         n, c = bodies.inside, contacts.number
         contacts.percussion[:c] = 0.0
         of_bodies = {name: getattr(bodies, name)[:n] for name in ("velocity", "free", "mass")}
@@ -281,7 +281,7 @@ class ContactModel(Configurable, ABC):
         seen = StepContacts(**of_bodies, **of_contacts, radius=bodies.contact_radius[:n])
         for name, array in seen._asdict().items():
             array.flags.writeable = name in ("percussion", "memory")
-        returned = self.step(seen, engine.state.clock.h)
+        returned = self.step(seen, engine.data.clock.h)
         if np.shape(returned) != (n, 2):
             wrong = f"step returns velocities of shape {np.shape(returned)}, not {(n, 2)}"
             raise fault(self._what, wrong, "return one velocity for each body", type(self).step)
