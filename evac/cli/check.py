@@ -130,14 +130,14 @@ def _telling(arguments: argparse.Namespace, title: str) -> "Iterator[list[Findin
         yield told
     except EvacError as error:
         found, building = (error.findings, error.building) if isinstance(error, BuildingError) else ((), None)
-        if building is not None and arguments.picture is not None:
-            listed = (*found, *building.findings)
-            if not arguments.json:
-                show_findings(listed)
-            _draw(arguments.picture, building, listed, title)
+        told[:] = found or [Finding("error", line) for line in str(error).splitlines()]
+        if building is not None:
+            told += building.findings
+            _draw(arguments.picture, building, told, title)
+            if arguments.picture is not None and not arguments.json:
+                show_findings(told)
         if not arguments.json:
             raise
-        told += found or [Finding("error", line) for line in str(error).splitlines()]
 
 
 def show_findings(findings: "Sequence[Finding]") -> None:

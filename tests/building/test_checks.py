@@ -57,12 +57,10 @@ def test_level_over_itself_is_refused(mesh, read):
     assert 0 < np.arctan2(y, x) < np.pi / 2
 
 
-@pytest.mark.parametrize("shift", [0.1, 20.0])
-def test_stair_that_joins_nothing_is_refused(mesh, read, shift):
-    mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, 2).rectangle(8 + shift, 0, 12 + shift, 2, 2)
-    with pytest.raises(BuildingError, match=r"stair 'stair 1' at \(.*z = 0.00 to 2.00, .*'floor z=0.00'") as caught:
+def test_stair_that_joins_nothing_is_refused(mesh, read):
+    mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, 2).rectangle(8.1, 0, 12.1, 2, 2)
+    with pytest.raises(BuildingError, match=r"stair 'stair 1' at \(.*z = 0.00 to 2.00, .*'floor z=0.00'"):
         read(mesh, exits=[EXIT])
-    assert str(caught.value).count("'floor z=2.00' is 0.100 m away") == (shift == 0.1)
 
 
 def test_ramp_to_an_exit_joins_something(mesh, read):

@@ -3,43 +3,17 @@ import numpy as np
 import pytest
 
 from evac.base.errors import BuildingError
-from evac.building.surface.resolution import rounding_step
 from evac.simulation.assembly import read_building
 
-RNG = np.random.default_rng(1)
-PLAN = np.round(RNG.uniform(0.0, 40.0, (50, 2)), 3)
 UTM = (500000.0, 5000000.0)
 
 
-def printed(plan, pattern):
-    return np.array([[float(pattern % x) for x in point] for point in plan])
-
-
-@pytest.mark.parametrize(
-    ("plan", "step"),
-    [
-        ((PLAN + UTM).astype(np.float32), 0.5),
-        ((PLAN + np.array(UTM) / 100.0).astype(np.float32), 0.00390625),
-        (printed((PLAN + UTM).astype(np.float32), "%.6f"), 0.5),
-        (printed((PLAN + np.array([1e5, 2e5])).astype(np.float32), "%.6f"), 0.015625),
-        (np.array([[float(str(x)) for x in point] for point in (PLAN + 1.3e6).astype(np.float32)]), 0.125),
-        (printed(PLAN + UTM, "%g"), 10.0),
-        (printed(PLAN + UTM, "%.6e"), 1.0),
-        (printed(PLAN + np.array([500000.0, 0.0]), "%g"), 1.0),
-    ],
-)
-def test_step_of_what_was_rounded(plan, step):
-    assert rounding_step(np.asarray(plan, dtype=float)) == step
-
-
-@pytest.mark.parametrize("name", ["float32", "digits"])
-def test_utm_coordinates_without_their_decimals_are_refused(mesh, tmp_path, name):
+def test_float32_utm_coordinates_are_refused(mesh, tmp_path):
     mesh.rectangle(0.13, 0.27, 6.4, 4.1).rectangle(6.4, 1.0, 6.6, 2.1).rectangle(6.6, 0.27, 12.3, 4.1)
     mesh.points = [(x + UTM[0], y + UTM[1], z) for x, y, z in mesh.points]
     assert len(read_building(mesh.write_obj(tmp_path / "a.obj"), need_exit=False).levels) == 1
-    change = (lambda x: float(np.float32(x))) if name == "float32" else (lambda x: float(f"{x:g}"))
-    mesh.points = [tuple(map(change, point)) for point in mesh.points]
-    with pytest.raises(BuildingError, match=r"at|vertex \(5000\d\d"):
+    mesh.points = [tuple(float(np.float32(x)) for x in point) for point in mesh.points]
+    with pytest.raises(BuildingError, match=r"vertex \(5000\d\d.* 0.5 m"):
         read_building(mesh.write_obj(tmp_path / "a.obj"), need_exit=False)
 
 
@@ -56,7 +30,7 @@ def test_rounding_below_the_weld_is_welded_and_above_it_the_weld_is_named(mesh, 
     mesh.rectangle(0.13, 0.27, 6.4, 4.1).rectangle(6.4, 0.27, 12.3, 1.53).rectangle(6.4, 1.53, 12.3, 4.1)
     mesh.points = [(float(np.float32(x + 70000.0)), float(np.float32(y + 60000.0)), z) for x, y, z in mesh.points]
     path = mesh.write_obj(tmp_path / "a.obj")
-    with pytest.raises(BuildingError, match=r"0.0078 m.*building.weld to 0.016"):
+    with pytest.raises(BuildingError, match=r"0.0078 m.*building.weld"):
         read_building(path, need_exit=False)
     (level,) = read_building(path, need_exit=False, weld=0.016).levels
     assert level.polygon.area == pytest.approx(12.17 * 3.83, rel=2e-3)

@@ -1,7 +1,7 @@
 """Conversion of a plan to a surface mesh: doors join rooms, obstacles and stairs are cut out, exits are opened."""
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.errors import BuildingError, counted
 from evac.building.geometry import (
+    GRID,
     LEAST_AREA,
     between_floors,
     common,
@@ -175,8 +176,9 @@ class Drawing:
             count = counted(len(storey.polygons) - len(rooms), "polygon is a copy", "polygons are copies")
             self._find("assumed", f"{count} of another one, and left out", name, rooms[0], f"storeys.{name}")
         one, other = shapely.STRtree(rooms).query(rooms, "intersects")
-        rows = np.unique(one[(one != other) & ~shapely.touches(np.array(rooms)[one], np.array(rooms)[other])])
-        if len(rows) and (double := _overlap([rooms[row] for row in rows.tolist()])).area > LEAST_AREA:
+        one, other = np.array(rooms)[[one[one < other], other[one < other]]]
+        both = shapely.intersection(one, other, grid_size=GRID)[~shapely.touches(one, other)]
+        if len(both) and (double := united(both)).area > LEAST_AREA:
             text = f"polygons overlap on {double.area:.2f} m2 and are joined; the largest overlap is here"
             largest = max(shapely.get_parts(double), key=lambda part: part.area)
             self._find("assumed", text, name, largest, f"storeys.{name}")
@@ -553,23 +555,6 @@ def _across(edge: FloatArray, direction: FloatArray) -> FloatArray:
             f"direction [{direction[0]:g}, {direction[1]:g}] is parallel to its edge {written(edge)}; change it"
         )
     return across if side > 0.0 else -across
-
-
-def _overlap(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
-    """Return the ground that two or more polygons cover, without what is no larger than rounding errors.
-
-    The list is halved again and again: many copies of a floor, each pair of which overlaps, take no longer than as many
-    rooms side by side.
-    """
-
-    def covered_once_and_twice(some: Sequence[BaseGeometry]) -> tuple[BaseGeometry, BaseGeometry]:
-        if len(some) == 1:
-            return some[0], shapely.Polygon()
-        halves = some[: len(some) // 2], some[len(some) // 2 :]
-        (one, one_twice), (other, other_twice) = map(covered_once_and_twice, halves)
-        return united([one, other]), united([one_twice, other_twice, common(one, other)])
-
-    return covered_once_and_twice(polygons)[1]
 
 
 def _free(piece: FloatArray, others: FloatArray) -> FloatArray:

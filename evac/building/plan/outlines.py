@@ -29,7 +29,6 @@ from evac.building.geometry import (
     sides,
 )
 from evac.building.model.findings import Finding, away
-from evac.building.surface.resolution import FACTORS
 
 #: Largest distance of an exit or a stair end from the outline of its floor [m].
 SNAP = 0.15
@@ -205,14 +204,8 @@ def _valid(polygon: BaseGeometry, level: str | None, findings: list[Finding]) ->
     return [part for part in shapely.get_parts(shapely.normalize(snapped))]
 
 
-#: Units of the segment for which it has to be multiplied by a factor.
-UNITS = {0.001: "millimetres", 0.01: "centimetres", 0.0254: "inches", 0.3048: "feet"}
-#: Distance from a floor, as a share of its extent, at which a segment in another unit would lie at the floor.
-NEAR = 0.05
 #: Length of a segment that may lack a floor within reach [m], where an end of it is drawn slightly into a wall.
 BESIDE_JAMB = 0.01
-#: Cosine of the angle to its wall above which a door runs across the wall (60 degrees).
-ACROSS = 0.5
 #: Cosine of the angle between a ray and a side above which the ray runs along the side (2.6 degrees).
 ALIKE = 0.999
 #: Length of a door that may lie on the floor beside its wall without a finding [m].
@@ -297,23 +290,8 @@ def nearest(polygon: BaseGeometry, ends: FloatArray, *, reach: float = 0.0, betw
     x1, y1, x2, y2 = own[row]
     return (
         f"the nearest edge of its outline is ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}), "
-        f"{away(shapely.distance(lines[row], line))}{_in_other_unit(polygon, ends)}"
+        f"{away(shapely.distance(lines[row], line))}"
     )
-
-
-def _in_other_unit(polygon: BaseGeometry, ends: FloatArray) -> str:
-    """Describe, for a message, the unit in which a segment far away from a floor would lie at the floor."""
-    low, high = np.reshape(polygon.bounds, (2, 2))
-    extent = float(np.hypot(*(high - low)))
-    if polygon.distance(shapely.LineString(ends)) < extent:
-        return ""
-    off = [float(polygon.boundary.distance(shapely.LineString(factor * ends))) for factor in FACTORS]
-    best = int(np.argmin(off))
-    if off[best] > NEAR * extent:
-        return ""
-    unit = UNITS.get(FACTORS[best])
-    question = f"are these {unit}?" if unit else "is the unit of the storey the metre?"
-    return f" ({question} Multiplied by {FACTORS[best]:.4g}, the segment lies at the floor)"
 
 
 def between_rooms(ends: FloatArray, storey: str) -> str:
@@ -443,10 +421,7 @@ def _hit(own: FloatArray, start: FloatArray, way: FloatArray) -> FloatArray | No
 
 def _across(at: FloatArray, ends: FloatArray, cosine: float) -> str:
     """Describe a segment that does not run along its wall."""
-    if cosine < ACROSS:
-        how = "runs across the wall"
-    else:
-        how = f"runs through the wall at an angle of {np.degrees(np.arccos(cosine)):.0f} degrees"
     return (
-        f"{written(ends)} {how} at ({at[0]:z.2f}, {at[1]:z.2f}): draw it along the wall, as long as the opening is wide"
+        f"{written(ends)} runs through the wall at an angle of {np.degrees(np.arccos(cosine)):.0f} degrees at "
+        f"({at[0]:z.2f}, {at[1]:z.2f}): draw it along the wall, as long as the opening is wide"
     )

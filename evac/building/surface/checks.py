@@ -10,7 +10,7 @@ import shapely
 from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
 from evac.building.geometry import place_of, segment_lengths, side_of
-from evac.building.model.building import Building, Level
+from evac.building.model.building import Building
 from evac.building.model.elevation import elevation, level_elevation
 from evac.building.model.findings import Finding, item_of
 
@@ -26,8 +26,6 @@ LEAST_SHARED = 0.01
 LEAST_SHARE = 5e-4
 #: Walls drawn with both sides are thicker than this [m]; smaller gaps are cells that miss each other.
 THINNEST = 0.01
-#: Largest gap at the end of a stair for which a larger weld is suggested [m].
-NEAR_MISS = 0.03
 #: Rounding tolerance of lengths [m] and areas [m2].
 ROUNDING = 1e-6
 
@@ -159,28 +157,9 @@ def check_stairs(building: Building) -> Iterator[Finding]:
             text = (
                 f"stair {name!r} at ({x:z.2f}, {y:z.2f}), z = {min(lv.z_min for lv in own):.2f} to "
                 f"{max(lv.z_max for lv in own):.2f}, joins {joined}: its ends must share vertices with two levels "
-                f"(within building.weld){_nearest_end(building, own)}"
+                f"(within building.weld)"
             )
             yield Finding("error", text, own[0].name, (x, y), f"stairs.{name}")
-
-
-def _nearest_end(building: Building, own: list[Level]) -> str:
-    """Describe for a message the level that is nearest to an end of the stair, if there is one within a metre."""
-    members = {one.index for one in own}
-    joined = members.union(*(portal.levels for portal in building.portals if members & set(portal.levels)))
-    misses = []
-    for one, other in itertools.product(own, building.levels):
-        if other.index not in joined:
-            near = shapely.get_coordinates(shapely.shortest_line(one.polygon, other.polygon))
-            z = [level_elevation(building.vertices, at, near[k : k + 1])[0] for k, at in enumerate((one, other))]
-            if abs(z[0] - z[1]) < LEAST_HEADROOM:
-                misses.append((one.polygon.distance(other.polygon), abs(z[0] - z[1]), other.name))
-    away, step, nearest = min(misses, key=lambda one: math.hypot(*one[:2]), default=(math.inf, math.inf, ""))
-    if away >= LEAST_DEPTH:
-        return ""
-    miss = math.hypot(away, step)
-    helps = f": building.weld = {weld_for(miss):g} may join them" if miss < NEAR_MISS else ""
-    return f"; {nearest!r} is {away:.3f} m away in plan and {step:.3f} m in height{helps}"
 
 
 def check_exits(building: Building) -> Iterator[Finding]:
