@@ -122,7 +122,8 @@ def declare_render(parser: argparse.ArgumentParser) -> None:
     what = "width and height in pixels (default: picture 1600 1200, film 960 720)"
     parser.add_argument("--size", type=int, nargs=2, metavar=("W", "H"), help=what)
     camera = parser.add_argument_group("camera of the 3d view")
-    camera.add_argument("--azimuth", type=float, metavar="DEG", help="direction of the camera, counterclockwise from x")
+    what = "direction of the camera, counterclockwise from x (default: -70)"
+    camera.add_argument("--azimuth", type=float, default=-70.0, metavar="DEG", help=what)
     camera.add_argument("--elevation", type=float, metavar="DEG", help="angle of the view above the horizontal")
     camera.add_argument("--stretch", type=float, metavar="N", help="factor for heights (default: shows all storeys)")
     camera.add_argument("--zoom", type=float, default=1.0, metavar="N", help="magnification (default: 1)")

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Building, Level
-from evac.building.model.elevation import on_level
 
 
 class Projection(Protocol):
@@ -53,10 +51,11 @@ class View:
     side: tuple[int, int, int, int]  # left, top, right and bottom of the space for a legend [pixels]
 
 
+AZIMUTH = (
+    -70.0
+)  # from the side of low y and a little from the right: what is left in plan is left in the picture [degrees]
 ELEVATION_FLAT, ELEVATION = 58.0, 36.0  # angle above the horizontal for one storey, for several [degrees]
-TURNS = (20.0, -20.0, 35.0, -35.0)  # from the normals of the short sides of the building [degrees]
-CLEARANCES = (0.75, 0.9, 1.05)  # share of a storey that is visible below the one above
-SPREAD = 0.3  # cost of an increase of the clearance by 1, relative to the share of hidden stairs and exits
+CLEARANCE = 0.9  # share of a storey that is visible below the one above
 MOST_FACTOR = 100.0  # of stretch and zoom
 
 
@@ -65,19 +64,18 @@ class Camera:
     """Parallel projection of a building; parameters that are None are chosen for the building.
 
     `azimuth`: direction from the building to the camera in plan, counterclockwise from x [degrees]: -90 views from the
-    side of low y. By default the one of eight oblique directions in which most of the stairs and exits are visible;
-    `elevation`: angle of the view above the horizontal, between 0 and 90 [degrees]; by default 36 for several storeys,
-    58 for one; `stretch`: factor for heights that separates storeys; by default large enough to show the floor of each;
-    `zoom`: factor relative to the size at which the building fills the picture.
+    side of low y; `elevation`: angle of the view above the horizontal, between 0 and 90 [degrees]; by default 36 for
+    several storeys, 58 for one; `stretch`: factor for heights that separates storeys; by default large enough to show
+    the floor of each; `zoom`: factor relative to the size at which the building fills the picture.
     """
 
-    azimuth: float | None = None
+    azimuth: float = AZIMUTH
     elevation: float | None = None
     stretch: float | None = None
     zoom: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.azimuth is not None and not math.isfinite(self.azimuth):
+        if not math.isfinite(self.azimuth):
             raise ResultError(f"azimuth: must be a finite number of degrees, got {self.azimuth:g}")
         if self.elevation is not None and not 0.0 < self.elevation < 90.0:
             raise ResultError(
@@ -104,20 +102,8 @@ def aim(building: Building, levels: Sequence[Level], camera: Camera) -> Aimed:
     heights = np.unique(np.round([level.z_min for level in levels if level.kind == "floor"], 1))
     angle = camera.elevation if camera.elevation is not None else ELEVATION if len(heights) > 1 else ELEVATION_FLAT
     tilt = math.radians(angle)
-    if camera.azimuth is not None:
-        azimuths = [camera.azimuth]
-    else:
-        x, y = np.ptp(np.array([level.polygon.bounds for level in levels]).reshape(-1, 2), axis=0)
-        front = -90.0 if x >= y else 0.0
-        azimuths = [side + turn for side in (front, front + 180.0) for turn in TURNS]
-    choices: list[tuple[float, int, Aimed]] = []
-    for azimuth in azimuths:
-        axes = _axes(math.radians(azimuth), tilt)
-        for clearance in CLEARANCES if camera.stretch is None and len(heights) > 1 else CLEARANCES[:1]:
-            stretch = _clear_stretch(building, levels, heights, axes, clearance)
-            aimed = Aimed(axes, camera.stretch or stretch, tilt)
-            choices.append((_hidden(building, levels, aimed) + SPREAD * clearance, len(choices), aimed))
-    return min(choices, key=lambda choice: choice[:2])[2]
+    axes = _axes(math.radians(camera.azimuth), tilt)
+    return Aimed(axes, camera.stretch or _clear_stretch(building, levels, heights, axes), tilt)
 
 
 def _axes(azimuth: float, tilt: float) -> FloatArray:
@@ -127,35 +113,10 @@ def _axes(azimuth: float, tilt: float) -> FloatArray:
     return np.array([right, np.cross(toward, right), toward])
 
 
-def _clear_stretch(
-    building: Building, levels: Sequence[Level], heights: FloatArray, axes: FloatArray, clearance: float
-) -> float:
-    """Return the factor for heights at which a share of each storey is visible below the one above."""
+def _clear_stretch(building: Building, levels: Sequence[Level], heights: FloatArray, axes: FloatArray) -> float:
+    """Return the factor for heights at which `CLEARANCE` of each storey is visible below the one above."""
     if len(heights) < 2:
         return 1.0
     corners = building.vertices[np.unique(np.concatenate([level.triangles.ravel() for level in levels]))]
     depth = np.ptp(corners[:, :2] @ axes[1, :2])
-    return max(1.0, float(clearance * depth / (np.diff(heights).min() * axes[1, 2])))
-
-
-def _hidden(building: Building, levels: Sequence[Level], aimed: Aimed) -> float:
-    """Return the sum of the shares of stairs and of exits that are hidden by floors."""
-    rows = {level.index for level in levels}
-    stairs = [building.vertices[level.triangles].mean(axis=1) for level in levels if level.kind != "floor"]
-    exits = []
-    for exit_ in building.exits:
-        if exit_.level in rows:
-            exits.append(on_level(building, exit_.level, exit_.segments.reshape(-1, 2)))
-    return sum(float(hides(levels, np.concatenate(points), aimed).mean()) for points in (stairs, exits) if points)
-
-
-def hides(levels: Sequence[Level], points: FloatArray, aimed: Aimed) -> NDArray[np.bool_]:
-    """Return which points (p, 3) [m] of the building are behind a floor of these levels."""
-    hidden = np.zeros(len(points), bool)
-    per_metre = aimed.axes[2, :2] / aimed.axes[2, 2] * aimed.stretch  # in plan, per metre of height
-    for level in levels:
-        if level.kind == "floor":
-            rise = level.z_min - points[:, 2]
-            passing = points[:, :2] + rise[:, None] * per_metre
-            hidden |= (rise > 0.05) & shapely.contains_xy(level.polygon, *passing.T)
-    return hidden
+    return max(1.0, float(CLEARANCE * depth / (np.diff(heights).min() * axes[1, 2])))
