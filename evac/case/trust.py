@@ -1,13 +1,11 @@
 """Plugin files named in a case: they are code, executed only when the case is run and only from inside its folder."""
 
-import copy
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import ScenarioError
-from evac.base.keys import Key
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -77,20 +75,3 @@ def unused_files(case: "Case") -> list[tuple[Path, list[str]]]:
         if provided and all(kind in TABLES and (kind, name) not in used for kind, name in provided):
             unused.append((path, [TABLES[kind].format(name) for kind, name in provided]))
     return unused
-
-
-def without_unknown(case: "Case") -> "Case":
-    """Return a case without its plugin files and without all keys that may need them."""
-    from evac.case.loading import case_from
-
-    content = copy.deepcopy(dict(case._origin.table))
-    content.pop("plugins", None)
-    for key in case.unchecked:
-        _remove(content, key)
-    return case_from(content, case.source, plugin_files=case.loaded_files, registry=case.registry)
-
-
-def _remove(content: Any, key: Key) -> None:
-    for step in key[:-1]:
-        content = content[step]
-    content.pop(key[-1], None)

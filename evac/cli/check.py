@@ -5,13 +5,13 @@ import itertools
 import json
 import math
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.base.display import Display
-from evac.base.errors import BuildingError, EvacError, ResultError, in_order
+from evac.base.errors import BuildingError, EvacError, ResultError, counted, in_order
 from evac.cli.inputs import case_of, case_to_run, declare_case, note_unused_plugins
 from evac.cli.screen import note, show_facts, show_table, show_warnings
 from evac.contract.hooks import DEFAULT_FIRE
@@ -90,11 +90,12 @@ def _check_case(arguments: argparse.Namespace, path: Path) -> int:
         case = case_of(arguments)
         if not arguments.json:
             show_facts({"case": case.title or case.folder.name, "file": case.source})
-            if case.unloaded_files:
-                known = _known_part(case, arguments.verbose)
-                if known is None:
-                    return 0
-                case = known
+        if case.unloaded_files:
+            told.append(_not_checked(case))
+            if not arguments.json:
+                _show_unchecked(case, arguments.verbose)
+                show_warnings([told[0].text])
+            return print_findings(path, told) if arguments.json else 0
         try:
             with Display(has_lines=False) as display:
                 simulation = Simulation(case, will_run=False, compiling=display.compiling)
@@ -257,33 +258,33 @@ def _check_together(path: Path) -> str:
     return ""
 
 
-def _known_part(case: "Case", is_verbose: bool) -> "Case | None":
-    """Show the plugin files not executed, and return the case without what needs them; None if it cannot be checked."""
-    from evac.case.overrides import dotted
-    from evac.case.trust import is_inside, without_unknown
-    from evac.simulation.assembly import make_building, make_importers
+def _show_unchecked(case: "Case", is_verbose: bool) -> None:
+    """Show the plugin files of a case, which are not executed, and its building, if that needs none of them."""
+    from evac.case.trust import is_inside
+    from evac.simulation.assembly import make_building
 
     rows = [
         (path, "yes" if is_inside(path, case.folder) else "only with --plugin: it is outside the case's folder")
         for path in case.unloaded_files
     ]
     show_table("Plugin files of the case, not executed", ("file", "executed by evac run"), rows)
-    unchecked = [dotted(key, {}) for key in case.unchecked]
-    option = " ".join(f"--plugin {path}" for path in case.unloaded_files)
-    names = ", ".join(unchecked) or "none"
-    show_warnings([f"keys that cannot be checked without the plugin files: {names}; to check them, use {option}"])
-    try:
-        make_importers(case)
-    except BuildingError:
-        show_warnings([f"{case.mesh}: not checked, because no importer reads it without the plugin files"])
-        return None
-    if ("contact", "model") in case.unchecked:
+    with suppress(BuildingError):
         building = make_building(case)
         show_building(building, is_verbose)
         show_findings(building.findings)
-        show_warnings(["people are not checked, because the contact model needs the plugin files"])
-        return None
-    return without_unknown(case)
+
+
+def _not_checked(case: "Case") -> "Finding":
+    """Return a warning about what cannot be checked without the plugin files of a case."""
+    from evac.building.model.findings import Finding
+    from evac.case.overrides import dotted
+
+    unchecked = ", ".join(dotted(key, {}) for key in case.unchecked) or "none"
+    option = " ".join(f"--plugin {path}" for path in case.unloaded_files)
+    what = (
+        f"people, and keys that may need the plugin files ({unchecked}), are not checked; to check them, use {option}"
+    )
+    return Finding("warning", what)
 
 
 def _draw(path: Path | None, building: "Building", findings: "Sequence[Finding]", title: str) -> None:
@@ -336,11 +337,7 @@ def show_building(building: "Building", is_verbose: bool) -> None:
         heights = _span(min(level.z_min for level in parts), max(level.z_max for level in parts))
         number = sum(level.kind == "flight" for level in parts)
         stairs.append((name, shaft_of[name], heights, number, slope, ratio))
-    title = (
-        "Stairs. Slopes below building.flat_angle are level; up to building.ramp they are ramps, walked at the speed on"
-    )
-    title += " the level; others are stairs, walked at speed_up and speed_down"
-    show_table(title, ("stair", "shaft", "z [m]", "flights", "steepest [deg]", "walked as"), stairs)
+    show_table("Stairs", ("stair", "shaft", "z [m]", "flights", "steepest [deg]", "walked as"), stairs)
 
 
 def show_available(simulation: "Simulation") -> None:
@@ -389,10 +386,9 @@ def show_people(simulation: "Simulation") -> None:
     left = {group.name: int(is_left[group.rows].sum()) for group in in_order(population.groups)}
     only = ", ".join(f"{number} of {name!r}" for name, number in left.items() if number)
     others = f" but {only}, who can reach only a refuge" if only else ""
-    reach = f"All can reach an exit{others}"
-    if simulation.stopping:
-        reach = f"Not all fit through the ways to an exit{others}; see warnings for narrow places"
-    show_table(f"People: {len(crowd.level)}. {reach}.", columns, rows)
+    narrow = counted(len(simulation.stopping), "place")
+    reach = f"Some do not fit through {narrow} on their ways" if simulation.stopping else "All can reach an exit"
+    show_table(f"People: {len(crowd.level)}. {reach}{others}.", columns, rows)
 
 
 def show_course(case: "Case") -> None:

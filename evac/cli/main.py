@@ -18,7 +18,6 @@ from typing import NoReturn
 
 from evac.base.display import Display
 from evac.base.errors import EvacError, PluginError, in_one_line, text_of
-from evac.base.parameters import did_you_mean
 from evac.base.phases import shown_by
 from evac.cli.screen import crash_file, lasting, note, shown_warnings, told_loss
 
@@ -75,7 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments: argparse.Namespace | None = None
     with shown_warnings():
         try:
-            arguments = parsed(argv)
+            arguments = parser().parse_args(argv)
             shown_by[:] = [Display().steps]
             return int(arguments.execute(arguments))
         except EvacError as error:
@@ -156,29 +155,12 @@ class _Help(argparse.RawDescriptionHelpFormatter):
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose errors fit the terminal and name what was meant."""
+    """A parser whose errors fit the terminal."""
 
     def error(self, message: str) -> NoReturn:
         self.print_usage(sys.stderr)
         note(f"{self.prog}: {message}")
         self.exit(BAD_INPUT)
-
-    def _check_value(self, action: argparse.Action, value: object) -> None:
-        if action.choices is not None and value not in action.choices:
-            hint = did_you_mean(str(value), list(action.choices))
-            raise argparse.ArgumentError(action, f"{value!r} is unknown; {hint}")
-
-
-def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
-    """Return the arguments of a command line; those that its command does not have are named with its usage."""
-    arguments, unknown = parser().parse_known_args(argv)
-    if unknown:
-        own: argparse.ArgumentParser = arguments.parser
-        options = [word for word in unknown if word.startswith("--")]
-        known = [option for action in own._actions for option in action.option_strings]
-        hint = f"; {did_you_mean(options[0], known)}" if options else ""
-        own.error(f"unknown: {' '.join(options or unknown)}{hint}")
-    return arguments
 
 
 def parser() -> argparse.ArgumentParser:
@@ -198,5 +180,5 @@ def parser() -> argparse.ArgumentParser:
         summary = text.partition("\n\n")[0].removesuffix(".")
         sub = commands.add_parser(name, help=summary, description=text, formatter_class=_Help)
         getattr(module, f"declare_{name}")(sub)
-        sub.set_defaults(execute=execute, parser=sub)
+        sub.set_defaults(execute=execute)
     return top

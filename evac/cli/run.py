@@ -4,12 +4,10 @@ import argparse
 import math
 import signal
 import sys
-from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.base.display import Display
-from evac.base.errors import in_order
 from evac.cli.inputs import (
     announce_plugin_file,
     case_to_run,
@@ -226,7 +224,9 @@ def show_answer(results: "Results", below: int = 1) -> None:
 
 
 def show_results(results: "Results") -> None:
-    """Show all tables: egress, exits, stairs and people left inside, then contact and wall time by phase."""
+    """Show all tables: those of reports, people left inside, contact, and wall time by phase."""
+    from evac.results.tables import TABLES
+
     summary = results.summary()
     _show_outcome(summary, results)
     if results.safety is not None:
@@ -236,14 +236,9 @@ def show_results(results: "Results") -> None:
         keys = ("name", "required", "limit", "margin", "margin_with_factor")
         times = [[row[key] for key in keys] for row in judged(results.safety)]
         show_table("Available and required times", heads, times)
-    _show_places(summary, results)
-    when = ("alarm", "first_start", "last_start", "last_out")
-    phases = []
-    for own in summary["phase"]:
-        clear = ", ".join(f"{floor} {time}" for floor, time in own["clear"].items())
-        phases.append((own["name"], own["people"], *(own[time] for time in when), clear))
-    titles = "phase", "people", "alarm [s]", "first starts [s]", "last starts [s]", "last out [s]", "floors clear [s]"
-    show_table("Phases", titles, phases)
+    for name, kind in TABLES.items():
+        rows = [[kind.never if cell == math.inf else cell for cell in row] for row in results.tables.get(name, ())]
+        show_table(kind.caption, kind.head, rows)
     stuck = summary["stuck"]
     rows = [(own["person"], own["level"], round(own["x"], 2), round(own["y"], 2)) for own in stuck[:MOST_LISTED]]
     more = "" if len(stuck) <= MOST_LISTED else f", the first {MOST_LISTED} of {len(stuck)} (all in summary.json)"
@@ -289,17 +284,6 @@ def _show_outcome(summary: dict[str, Any], results: "Results") -> None:
             "simulated": f"{summary['simulated_time']:.2f} s in {summary['steps']} steps, seed {summary['seed']}",
         }
     )
-
-
-def _show_places(summary: dict[str, Any], results: "Results") -> None:
-    columns: tuple[str, ...] = ("people", "last_out", "width", "flow", "flow_per_metre")
-    labels = {way.name: results.building.label_of(way) for way in results.building.exits}
-    exits = [(labels[name], *(use[column] for column in columns)) for name, use in summary["exits"].items()]
-    exits = in_order(exits, itemgetter(0))
-    show_table("Exits", ("exit", "people", "last out [s]", "width [m]", "flow [1/s]", "per metre [1/s/m]"), exits)
-    columns = ("people", "greatest_number", "last_left")
-    stairs = [(name, *(use[column] for column in columns)) for name, use in summary["stairs"].items()]
-    show_table("Stairs", ("stair", "people", "maximum number", "last left [s]"), stairs)
 
 
 def _show_contact(contact: dict[str, Any]) -> None:

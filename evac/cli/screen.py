@@ -141,12 +141,6 @@ def shown_warnings() -> Iterator[None]:
 #: Width of tables written to a file or a pipe.
 PLAIN_WIDTH = 160
 
-#: Words up to this length are not divided in tables, if these fit the terminal.
-MOST_WIDTH = 20
-
-#: Columns between two columns of a table, and beside the first and the last one.
-GAP, EDGES = 3, 2
-
 
 def console() -> Console:
     """Return the console of standard output."""
@@ -159,11 +153,9 @@ def show_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[objec
     if not rows:
         return
     table = Table(title=Text(title, style="bold"), title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-    cells = [[column, *(shown(row[k]) for row in rows)] for k, column in enumerate(columns)]
-    widths = _widths(cells, to.width - EDGES - GAP * (len(columns) - 1))
     for index, column in enumerate(columns):
         numeric = all(_is_numeric(row[index]) for row in rows)
-        table.add_column(Text(column), justify="right" if numeric else "left", overflow="fold", width=widths[index])
+        table.add_column(Text(column), justify="right" if numeric else "left", overflow="fold")
     for row in rows:
         table.add_row(*(Text(shown(value)) for value in row))
     to.print(table)
@@ -172,19 +164,6 @@ def show_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[objec
 def _is_numeric(value: object) -> bool:
     """Return whether a value is a number, in figures too, or nothing."""
     return value is None or isinstance(value, int | float) or str(value).lstrip("-").replace(".", "", 1).isdigit()
-
-
-def _widths(cells: Sequence[Sequence[str]], room: int) -> list[int]:
-    """Return widths of columns that fit; the widest ones are narrowed first, and words divided only if they must be."""
-    widths = [max(map(len, column)) for column in cells]
-    longest = [max(map(len, " ".join(column).split()), default=0) for column in cells]
-    most = next((n for n in range(MOST_WIDTH, 1, -1) if sum(min(n, length) for length in longest) <= room), 1)
-    while sum(widths) > room:
-        wider = [k for k, width in enumerate(widths) if width > min(most, longest[k])]
-        if not wider:
-            break
-        widths[max(wider, key=widths.__getitem__)] -= 1
-    return widths
 
 
 def show_facts(facts: Mapping[str, object]) -> None:

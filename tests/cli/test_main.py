@@ -25,22 +25,6 @@ def test_wrong_words_give_status_2(capsys):
 
 
 @pytest.mark.parametrize(
-    ("words", "usage", "hint"),
-    [
-        (["run", "--sead", "3", "square_room"], "usage: evac run", "evac run: unknown: --sead; did you mean '--seed'?"),
-        (["run", "a", "b"], "usage: evac run", "evac run: unknown: b"),
-        (["rn"], "usage: evac", "did you mean 'run'?"),
-    ],
-)
-def test_a_mistake_is_named_with_the_usage_of_its_command_and_what_was_meant(words, usage, hint, capsys):
-    with pytest.raises(SystemExit, match="2"):
-        main(words)
-    printed = capsys.readouterr().err
-    assert printed.startswith(usage)
-    assert printed.splitlines()[-1].endswith(hint)
-
-
-@pytest.mark.parametrize(
     ("error", "status", "message"),
     [(SimulationError("no step"), 2, "evac: no step\n"), (KeyboardInterrupt(), 130, "evac: interrupted\n")],
 )

@@ -4,71 +4,12 @@ import io
 import re
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from evac.cli.main import main
-from evac.cli.run import show_answer, show_results
+from evac.cli.run import show_answer
 from evac.cli.screen import show_table
 from evac.results.answer import Answer
-
-SUMMARY = {
-    "keeps_distance": [],
-    "title": "A house",
-    "ended": "everybody out",
-    "people": 5,
-    "evacuated": 5,
-    "last_out": 9.0,
-    "simulated_time": 10.0,
-    "steps": 1000,
-    "seed": 7,
-    "exits": {"door": {"people": 5, "last_out": 9.0, "width": 0.8, "flow": None, "flow_per_metre": None}},
-    "stairs": {"main": {"people": 4, "greatest_number": 3, "last_left": 6.0}},
-    "contact": {
-        "model": "dem",
-        "greatest_overlap": 0.0123,
-        "mean_overlap": 0.0045,
-        "greatest_residual": 2e-4,
-        "unconverged_steps": 6,
-        "steps": 1000,
-        "contacts": 900,
-        "too_fast_steps": 1,
-        "too_stiff_steps": 2,
-        "wall_crossings_prevented": 4,
-        "passes_prevented": 8,
-        "greatest_speed": 3.0,
-        "energy": {"driving_work": 100.0, "contact_dissipation": 30.0, "contact_creation": 5.0},
-    },
-    "wall_time": {"physics": 1.5, "recording": 0.5},
-    "left_by_other_exits": 0,
-    "stuck": [],
-    "not_started": 0,
-}
-
-
-@pytest.fixture
-def shown(capsys):
-    """Show a summary; return its lines, divided at two spaces or more, and what is said on standard error."""
-
-    def show(closed=(), start_time=(0.0, 0.0), **changes):
-        results = SimpleNamespace(
-            summary=lambda: SUMMARY | changes,
-            crowd=SimpleNamespace(level=np.array([-1, 0]), start_time=np.array(start_time)),
-            building=SimpleNamespace(
-                levels=[SimpleNamespace(name="room")],
-                exits=[SimpleNamespace(name="door")],
-                label_of=lambda way: f"{way.name} (closed)" if way.name in closed else way.name,
-            ),
-            answer=SimpleNamespace(movement="People keep distances (mine)"),
-            leaving=range(5),
-            safety=None,
-            changes=(),
-        )
-        show_results(results)
-        out, err = capsys.readouterr()
-        return [re.split(r"\s{2,}", line.strip()) for line in out.splitlines()], err
-
-    return show
 
 
 class Terminal(io.StringIO):
@@ -125,18 +66,17 @@ def test_the_answer_has_a_dozen_lines_at_most(monkeypatch, remarks, columns, bel
     assert sum("Exit" in line or "exits" in line for line in lines) >= 4
 
 
-@pytest.mark.parametrize("columns", [56, 60, 80])
-def test_tables_are_narrowed_until_they_fit_and_lose_nothing(monkeypatch, columns):
+def test_tables_are_narrowed_until_they_fit_and_lose_nothing(monkeypatch):
     rows = [
         ("lower flight z=0.00..1.65", "flight", "0.00 to 1.65", 4.2, 30.5, 2),
         ("a storey with a long name", "floor", "0.00", 162.5, 0, 125),
     ]
     screen = Terminal()
     monkeypatch.setattr("sys.stdout", screen)
-    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setenv("COLUMNS", "80")
     show_table("Levels", ("level", "kind", "z [m]", "plan [m2]", "slope [deg]", "walls"), rows)
     lines = screen_of(screen)
-    assert max(map(len, lines)) <= columns
+    assert max(map(len, lines)) <= 80
     words = " ".join(lines).split()
     assert {"lower", "z=0.00..1.65", "storey", "flight", "162.5", "30.5", "125", "walls", "1.65"} <= {*words}
 

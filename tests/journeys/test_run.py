@@ -247,13 +247,15 @@ def test_every_number_of_the_terminal_is_that_of_the_trajectory(run, capsys):
     for way in run.building["exits"]:
         out, (row,) = (
             run.exit_times(way["name"]),
-            [row for row in rows if row[0].partition(" (closed)")[0] == way["name"]],
+            [row for row in rows if row[0] == way["name"]],
         )
         flow = steady(out)
-        values = [len(out), out[-1] if out else None, way["width"], flow, flow and flow / way["width"]]
+        times = [out[0], out[-1]] if out else [None, None]
+        share = 100.0 * len(out) / max(run.summary["evacuated"], 1)
+        values = [len(out), share, *times, way["width"], flow, flow and flow / way["width"]]
         assert row[1:] == ["-" if value is None else f"{value:.4g}" for value in values]
     for name, levels in run.stairs.items():
-        (row,) = [row for row in rows if row[0] == name and len(row) == 4]
+        row = [row for row in rows if row[0] == name and len(row) == 4][-1]
         assert row[1:] == ["-" if value is None else f"{value:.4g}" for value in run.use_of(levels)]
     facts = {row[0]: row[1] for row in reversed(rows) if len(row) == 2}
     responses = sorted(time for one in run.people if (time := float(one["response_time"])) < np.inf)
