@@ -237,8 +237,8 @@ def show_results(results: "Results") -> None:
         times = [[row[key] for key in keys] for row in judged(results.safety)]
         show_table("Available and required times", heads, times)
     for name, kind in TABLES.items():
-        rows = [[kind.never if cell == math.inf else cell for cell in row] for row in results.tables.get(name, ())]
-        show_table(kind.caption, kind.head, rows)
+        own = results.tables.get(name, ())
+        show_table(kind.caption, kind.head, [[kind.never if cell == math.inf else cell for cell in row] for row in own])
     stuck = summary["stuck"]
     rows = [(own["person"], own["level"], round(own["x"], 2), round(own["y"], 2)) for own in stuck[:MOST_LISTED]]
     more = "" if len(stuck) <= MOST_LISTED else f", the first {MOST_LISTED} of {len(stuck)} (all in summary.json)"
