@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import networkx
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
@@ -35,6 +34,7 @@ class VadereImporter(Importer):
 
     def read(self, path: Path) -> Plan:
         """Read the topography; raise ValueError if the file has none."""
+        plan = Plan(path)
         try:
             topography = json.loads(path.read_text(encoding="utf-8-sig"))["scenario"]["topography"]
             own = topography["attributes"]
@@ -42,11 +42,9 @@ class VadereImporter(Importer):
             if own.get("bounded", True):
                 ground = ground.buffer(-float(own.get("boundingBoxWidth", 0.5)), join_style="mitre")
             of = {key: [(one, _shape(one["shape"])) for one in topography.get(key) or []] for key in READ}
-            exits = [
-                one for one in of["targets"] if one[0].get("absorbing", (one[0].get("absorber") or {}).get("enabled"))
-            ]
+            exits = [one for one in of["targets"] if one[0].get("absorbing", one[0].get("absorber", {}).get("enabled"))]
             stairs = [(_edges(one, shape), self.rise * int(one.get("treadCount", 1))) for one, shape in of["stairs"]]
-            counts = {key: len(topography.get(key) or []) for key in LEFT_OUT}
+            counts = {key: len(topography.get(key) or []) for key in (*READ, *LEFT_OUT)}
         except (LookupError, TypeError, ValueError, AttributeError, RecursionError, shapely.GEOSException) as error:
             text = "the topography, or a shape or number of it, is missing or none"
             raise ValueError(f"not a scenario of Vadere: {text}") from error
@@ -54,58 +52,49 @@ class VadereImporter(Importer):
         parts = [*shapely.get_parts(flat_parts(ground.difference(solid)))]
         if not parts:
             raise ValueError("the topography has no floor beside its obstacles, targets and stairs")
-        plan, heights = Plan(path), _heights(parts, stairs)
-        for key, items in of.items():
-            plan.note("found", f"{len(items)} {key}", element=key, number=len(items))
+        heights = _heights(parts, stairs)
         names = {z: f"floor {number}" for number, z in enumerate(sorted(set(heights)), start=1)}
-        on = [names[z] for z in heights]
         for z, name in names.items():
             plan.storey(name, [part for part, height in zip(parts, heights, strict=True) if height == z], z)
-        for number, (edges, rise) in enumerate(stairs, start=1):
-            low = next((k for k in range(len(parts)) if _touches(parts[k], edges[0])), None)
-            place = tuple(edges.mean(axis=(0, 1)).tolist())
-            if low is None:
-                plan.note("missing", f"stair {number} begins at no floor", place=place, element="stairs")
-                continue
-            plan.flight(f"stair {number}", edges[0], heights[low], edges[1], heights[low] + rise)
-            plan.note("assumed", f"stair {number} rises {rise:.2f} m (rise)", on[low], place)
-        for kind, items in (("target", exits), ("source", of["sources"])):
+        idle = {"targets": len(of["targets"]) - len(exits)} | {key: counts[key] for key in LEFT_OUT}
+        for key, number in counts.items():
+            plan.note("found", f"{number} {key}", element=key, number=number)
+            if idle.get(key):
+                text = f"{idle[key]} {key}, which absorb nobody, or are not read"
+                plan.note("left out", text, element=key, number=idle[key])
+        rises = [({"id": number}, shapely.LineString(edges[0]).centroid) for number, (edges, _) in enumerate(stairs, 1)]
+        for kind, items in (("targets", exits), ("sources", of["sources"]), ("stairs", rises)):
             for one, shape in items:
-                name = f"{kind} {one.get('id')}"
-                storey = next((own for part, own in zip(parts, on, strict=True) if part.dwithin(shape, TOUCH)), None)
-                if storey is None:
-                    plan.note("missing", f"{name} is not at the floor", place=place_of(shape), element=f"{kind}s")
-                    continue
-                if kind == "target":
-                    plan.exit(name, storey, polygon=shape)
+                name, on = f"{kind[:-1]} {one.get('id')}", [heights[k] for k in _at(parts, shape)]
+                if not on:
+                    plan.note("missing", f"{name} is not at the floor", place=place_of(shape), element=kind)
+                elif kind == "targets":
+                    plan.exit(name, names[on[0]], polygon=shape)
+                elif kind == "sources":
+                    plan.area(name, names[on[0]], shape)
                 else:
-                    plan.area(name, storey, shape)
-                plan.note("found", f"{'exit' if kind == 'target' else 'start area'} {name!r}", storey, place_of(shape))
-        if idle := len(of["targets"]) - len(exits):
-            plan.note("left out", f"{idle} targets absorb nobody", element="targets", number=idle)
-        for what, count in counts.items():
-            if count:
-                plan.note("left out", f"{count} {what} are not read", element=what, number=count)
+                    edges, rise = stairs[one["id"] - 1]
+                    plan.flight(name, edges[0], on[0], edges[1], on[0] + rise)
+                    plan.note("assumed", f"{name} rises {rise:.2f} m (rise)", names[on[0]], place_of(shape))
         return plan
 
 
 def _heights(parts: list[BaseGeometry], stairs: list[tuple[FloatArray, float]]) -> list[float]:
     """Return the height of each part of the floor, the lowest of those that stairs join at 0."""
-    graph = networkx.DiGraph()
-    graph.add_nodes_from(range(len(parts)))
+    heights, group = np.zeros(len(parts)), np.arange(len(parts))
     for edges, rise in stairs:
-        low, up = ([k for k, part in enumerate(parts) if _touches(part, edge)] for edge in edges)
-        graph.add_edges_from((a, b, {"rise": way * rise}) for a, b, way in [*zip(low, up, [1]), *zip(up, low, [-1])])  # noqa: B905
-    heights = np.zeros(len(parts))
-    for rows in networkx.weakly_connected_components(graph):
-        for a, b in networkx.bfs_edges(graph, min(rows)):
-            heights[b] = heights[a] + graph.edges[a, b]["rise"]
-        heights[[*rows]] -= heights[[*rows]].min()
+        low, up = (_at(parts, shapely.LineString(edge).centroid)[:1] for edge in edges)
+        if low and up and group[low] != group[up]:
+            own = group == group[up]
+            heights[own] += heights[low] + rise - heights[up]
+            group[own] = group[low]
+    for rows in (group == one for one in set(group)):
+        heights[rows] -= heights[rows].min()
     return [float(z) for z in heights.round(4)]
 
 
-def _touches(part: BaseGeometry, edge: FloatArray) -> bool:
-    return bool(part.dwithin(shapely.LineString(edge).centroid, TOUCH))
+def _at(parts: list[BaseGeometry], shape: BaseGeometry) -> list[int]:
+    return [k for k, part in enumerate(parts) if part.dwithin(shape, TOUCH)]
 
 
 def _shape(given: Mapping[str, Any]) -> BaseGeometry:

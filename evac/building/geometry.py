@@ -91,6 +91,11 @@ def united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
     return flat_parts(shapely.multipolygons(shapely.get_parts(wholes)))
 
 
+def enclosed(lines: Sequence[BaseGeometry]) -> BaseGeometry:
+    """Return what lines enclose that end at each other."""
+    return shapely.union_all(shapely.get_parts(shapely.polygonize([shapely.union_all([*lines])])))
+
+
 def rounded(points: ArrayLike) -> FloatArray:
     """Return coordinates on the grid of plans."""
     exact: FloatArray = np.asarray(points, np.float64)

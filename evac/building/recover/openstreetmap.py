@@ -8,6 +8,8 @@ import shapely
 from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 
+from evac.building.geometry import enclosed
+
 #: Keys of closed ways that are lines and no areas, unless `area=yes` states it.
 LINES = ("highway", "barrier", "railway", "waterway")
 
@@ -59,7 +61,6 @@ def _multipolygon(relation: Tree.Element, ways: Mapping[str | None, BaseGeometry
     areas = []
     for role in ("outer", "inner"):
         refs = [one.get("ref") for one in relation.iter("member") if (one.get("role") or "outer") == role]
-        lines = [ways[ref] for ref in refs if ref in ways]
-        areas.append(shapely.union_all(shapely.get_parts(shapely.polygonize(lines))))
+        areas.append(enclosed([ways[ref] for ref in refs if ref in ways]))
     area = areas[0].difference(areas[1])
     return None if area.is_empty else area
