@@ -52,8 +52,8 @@ class JupedsimImporter(Importer):
         except (Tree.ParseError, shapely.GEOSException) as error:
             raise ValueError(f"not a geometry of JuPedSim: {str(error).rpartition('Exception: ')[2]}") from error
         known = {key for key, shape in shapes.items() if not shape.is_empty}
-        for room, subroom in (shapes.keys() | {key for _, keys, _ in ways for key in keys}) - known:
-            raise ValueError(f"room {room}, subroom {subroom}: missing, or its walls and doors enclose no area")
+        for place, subroom in (shapes.keys() | {key for _, keys, _ in ways for key in keys}) - known:
+            raise ValueError(f"room {place}, subroom {subroom}: missing, or its walls and doors enclose no area")
         joined.add_nodes_from(key for key in shapes if not re.search("stair|escalator", use[key]))
         levels = {height: f"z {height:g}" for height in sorted({z[key] for key in joined})}
         if not levels:
