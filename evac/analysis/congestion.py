@@ -74,10 +74,9 @@ def find_congestion(
     """
     watched = Exceedance(trajectory, density, spacing)
     for part in records(trajectory):
-        for level in trajectory.building.levels:
-            here = part.chosen(part.level == level.index)
-            for frames, densities in watched.grids[level.index].densities(here.frame, here.position):
-                watched.add(level.index, frames, densities)
+        for level, here in part.by_level():
+            for frames, densities in watched.grids[level].densities(here.frame, here.position):
+                watched.add(level, frames, densities)
     return watched.congestion(least_time)
 
 

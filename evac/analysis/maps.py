@@ -308,11 +308,15 @@ def level_maps(
         recorded = f"{trajectory.time[0]:g} to {trajectory.time[-1]:g} s" if len(trajectory) else "nothing"
         raise ResultError(f"{trajectory.path}: no frame between {first:g} and {last:g} s; recorded: {recorded}")
     time = trajectory.time[rows]
-    sums = [_Sums(Grid(level, spacing, kernel_radius), level, time, trajectory.radius, watch) for level in chosen]
+    sums = {
+        level.index: _Sums(Grid(level, spacing, kernel_radius), level, time, trajectory.radius, watch)
+        for level in chosen
+    }
     for part in records(trajectory, rows.astype(np.int32), waiting_speed):
-        for total in sums:
-            total.add(part.chosen(part.level == total.level.index))
-    return {total.level.name: total.maps() for total in sums}
+        for index, here in part.by_level():
+            if index in sums:
+                sums[index].add(here)
+    return {total.level.name: total.maps() for total in sums.values()}
 
 
 def _shares(time: FloatArray) -> FloatArray:
@@ -343,8 +347,6 @@ class _Sums:
 
     def add(self, here: Records) -> None:
         """Add the people on the level at some recorded times."""
-        if not len(here.frame):
-            return
         share = self._share[here.frame]
         walking = share * here.started
         flow = share * here.velocity.T

@@ -20,7 +20,7 @@ WAITING_SPEED = 0.2
 FORCE_SPAN = 1.0
 
 #: Number of rows of `Records` above which they are passed on.
-MOST_ROWS = 20_000
+MOST_ROWS = 50_000
 
 
 class Measures(NamedTuple):
@@ -83,6 +83,13 @@ class Records(NamedTuple):
     def chosen(self, rows: NDArray[np.bool_] | NDArray[np.int64] | slice) -> "Records":
         """Return some of the rows, (s,) bool, or their numbers."""
         return Records._make(column[rows] for column in self)
+
+    def by_level(self) -> "Iterator[tuple[int, Records]]":
+        """Yield each level on which somebody is, with the rows of the people there."""
+        ordered = self.chosen(np.argsort(self.level, kind="stable"))
+        levels, first = np.unique(ordered.level, return_index=True)
+        for level, start, end in zip(levels.tolist(), first, [*first[1:], len(ordered.level)], strict=True):
+            yield level, ordered.chosen(slice(start, end))
 
 
 def joined(parts: Iterable[Records]) -> Records:

@@ -153,7 +153,7 @@ def run_study(arguments: argparse.Namespace, points: "Sequence[Point]", folder: 
     note(f"{of_each}: {number}, seeds from {case.simulation.seed} on")
     connected = nullcontext() if arguments.dask is None else dask_executor(arguments.dask)
     with connected as executor, Display() as display:
-        display.phase("checking points and seeds")
+        display.phase("first runs")
         study = execute_study(
             points,
             **numbers,
@@ -182,7 +182,7 @@ def study_of(case: "Case", runs: int, folder: Path, maps: bool) -> "Study":
 def prepare(case: "Case") -> None:
     """Compile missing kernels, show warnings, and keep building and directions for the runs.
 
-    If the first run is refused, the study tells why, after it has checked the others.
+    If the first run is refused, the study tells why.
     """
     from evac.base.errors import EvacError
     from evac.simulation.shared import simulation_of

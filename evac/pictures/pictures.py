@@ -91,14 +91,14 @@ def runs_figure(title: str, people: int, columns: Mapping[str, FloatArray]) -> F
 def designs_figure(title: str, people: int, curves: Mapping[str, Mapping[str, FloatArray]]) -> Figure:
     """Return the mean numbers of people out over time of several designs, with bands of percentiles over runs.
 
-    `curves`: the columns of `runs_figure` at the same times, by the name of the design.
+    `curves`: the columns of `runs_figure`, by the name of the design.
     """
     figure, axes = new_axes(title, people)
     for (name, columns), colour in zip(curves.items(), group_colours(len(curves)), strict=False):
         low, *_, high = (values for key, values in columns.items() if key.startswith("percentile_"))
         axes.fill_between(columns["time"], low, high, color=colour, alpha=0.2, linewidth=0.0)
         axes.plot(columns["time"], columns["mean_over_runs"], label=name, color=colour, linewidth=1.8)
-        axes.set_xlim(0.0, float(columns["time"][-1]))
+    axes.set_xlim(0.0, max(float(columns["time"][-1]) for columns in curves.values()))
     for text in axes.legend(frameon=False, loc="lower right", fontsize=9).get_texts():
         text.set_parse_math(False)
     return figure

@@ -18,6 +18,7 @@ from evac.analysis.maps import QUANTITIES, LevelMaps
 from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import counted
+from evac.base.phases import told
 from evac.building.model.building import Building
 from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
@@ -102,7 +103,10 @@ def plans(building: Building) -> list[Picture]:
     if building.places:
         caption += " Blue areas: refuges; green areas: assembly areas; green squares: signs, with their exits."
     parts = [slice(first, first + TOGETHER) for first in range(0, len(building.storeys), TOGETHER)]
-    drawn = [levels_figure(building, title=None, greatest=PLANS, part=part) for part in parts]
+    drawn = [
+        levels_figure(building, title=None, greatest=PLANS, part=part)
+        for part in told("drawing plans", parts, len(parts))
+    ]
     captions = [caption, *("Plans of the storeys above them." for _ in parts[1:])]
     return [drawing(figure, words, "plans", "plans") for figure, words in zip(drawn, captions, strict=True)]
 
@@ -277,7 +281,7 @@ def map_pictures(
     captions = {name: f"{QUANTITIES[name].label.capitalize()}: {QUANTITIES[name].doc}" for name in quantities}
     if "flow" in captions:
         captions["flow"] += f"; {FLOW_LABELS}"
-    return [_mapped(figure, f"{captions[name]}.") for name, figure in zip(quantities, figures, strict=True)]
+    return [_mapped(next(figures), f"{captions[name]}.") for name in told("drawing maps", quantities, len(quantities))]
 
 
 #: The scale of shares of runs, and what is beyond each of the `evac.study.maps.LIMITS`.

@@ -85,6 +85,7 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
     for run in members:
         check_member(study, data["case"], run)
     first = members[0] if members else None
+    sources = [as_text(table) for table in data["case"].get("conditions") or ()]
     rows, building = list(study.rows(columns=ROW, failed=True)), study.building()
     sections = [
         plan_section(building, (), summary.table.building),
@@ -101,6 +102,7 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
         *_points(study),
         _statistics(study),
         *_margins(data["points"]),
+        *([section("fire", "Smoke, gases and heat", "sources", sources=sources)] if sources else []),
         _over_runs(study, "exits", "People out, groups, phases and exits over runs", WHO),
         _over_runs(study, "outcomes", "Queues, events, smoke, doses and margins over runs", WHAT),
         _over_runs(study, "parts", f"{APPENDIX}levels, stairs and flows over runs", WHERE),
@@ -108,7 +110,7 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
         *(section for number, run in enumerate(members, 1) for section in _of_run(run, number, places)),
         section("warnings", "Warnings", quality=quality_of(study), is_study=True),
         section("assessment", "Assessment"),
-        section("limits", "Limits of use", is_study=True, has_fire=bool(data["case"].get("conditions"))),
+        section("limits", "Limits of use", is_study=True, has_fire=bool(sources)),
         _runs(study, rows),
         standard_section(summary.table, summary.keeps_distance),
         evidence_section(),

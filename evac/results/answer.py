@@ -97,7 +97,7 @@ def _exits(results: "Results") -> tuple[str, ...]:
         }
     for name, use in used[: MOST_EXITS if len(used) <= MOST_EXITS else MOST_EXITS - 1]:
         last = "" if use["last_out"] is None else f" by {use['last_out']:.2f} s"
-        flow = "" if use["flow"] is None else f", {use['flow']:.2f}/s ({use['flow_per_metre']:.2f}/s/m)"
+        flow = "" if use["flow"] is None else f", middle fifths {use['flow']:.2f}/s ({use['flow_per_metre']:.2f}/s/m)"
         note = f" ({notes[name]})" if notes.get(name) else ""
         lines.append(f"Exit {name!r}{note}: {counted(use['people'], 'person', 'people')}{last}{flow}")
     if others := used[len(lines) :]:

@@ -41,6 +41,9 @@ if TYPE_CHECKING:
 #: Greatest number of times of an egress curve over runs; in longer runs their distance exceeds ``output.every``.
 MOST_TIMES = 2000
 
+#: Greatest number of points whose egress curves are drawn in one figure.
+MOST_CURVES = 8
+
 #: Columns by which runs are ranked for replays.
 COUNTED = ("run", "last_out", "out")
 

@@ -138,10 +138,16 @@ class Study:
         )
 
     def plot(self) -> "Figure":
-        """Return a figure of the egress curves over the runs of a single point, or of the statistics of all points."""
-        from evac.study.outputs import egress, figure_of
+        """Return a figure of the egress curves over the runs of each point; of many points, of their statistics."""
+        from evac.pictures.pictures import designs_figure
+        from evac.study.outputs import MOST_CURVES, egress, figure_of
 
-        return figure_of(self, egress(self, 0) if len(self.points) == 1 else {})
+        made = [point for point in self.points if self.statistics[point.index].runs]
+        curves = {point.label: egress(self, point.index) for point in made[: MOST_CURVES + 1]}
+        if not 1 < len(curves) <= MOST_CURVES:
+            return figure_of(self, next(iter(curves.values()), {}))
+        people = max(self.people(point.index) for point in made)
+        return designs_figure(self.points[0].case.title, people, curves)
 
     def move(self, folder: Path) -> None:
         """Set the new path of the renamed folder."""

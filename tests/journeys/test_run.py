@@ -203,7 +203,7 @@ def answer_of(run):
         exits.append(
             f"Exit {way['name']!r}{' (closed)' * (changed.get(way['name']) == 'close')}: {len(out)} people"
             + (f" by {out[-1]:.2f} s" if out else "")
-            + (f", {flow:.2f}/s ({flow / way['width']:.2f}/s/m)" if flow else "")
+            + (f", middle fifths {flow:.2f}/s ({flow / way['width']:.2f}/s/m)" if flow else "")
         )
     number = f"{len(times)} of {len(run.people)} people out"
     if run.at_places:
