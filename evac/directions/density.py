@@ -105,6 +105,9 @@ def _weights_on_floor(grids: BuildingGrids, width: float) -> FloatArray:
     weight *= spacing / (width * math.sqrt(2.0 * math.pi))
     found = np.empty(grids.size)
     for grid in grids.levels:
+        if grid.alike < grid.level:
+            found[grid.packed] = found[grids.levels[grid.alike].packed]
+            continue
         floor = grids.is_ground(grid).astype(np.float64)
         for axis in (0, 1):
             wide = np.pad(floor, [(reach, reach) if axis == other else (0, 0) for other in (0, 1)])

@@ -507,7 +507,15 @@ class Building:
 
     def portals_of(self, level: int) -> list[Portal]:
         """Return the portals of a level, including closed ones."""
-        return [portal for portal in self.portals if level in portal.levels]
+        return self._portals_of.get(level, [])
+
+    @cached_property
+    def _portals_of(self) -> dict[int, list[Portal]]:
+        found: dict[int, list[Portal]] = {}
+        for portal in self.portals:
+            for level in portal.levels:
+                found.setdefault(level, []).append(portal)
+        return found
 
     def exits_of(self, level: int) -> list[Exit]:
         """Return the exits of a level, including closed ones."""

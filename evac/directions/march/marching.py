@@ -75,8 +75,8 @@ class _March:
         self.tried: dict[tuple[int, int], tuple[int, float]] = {}
         #: Per portal: the cost difference that is tolerated at points along it, and these points on each level.
         self.tolerated: dict[int, tuple[FloatArray, dict[int, _Points]]] = {}
-        #: Marches through levels that others are like, by the first of these: speeds, contours and times.
-        self.made: dict[int, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
+        #: Marches through levels that others are like, by the first of these and the portal: speed, contour, times.
+        self.made: dict[tuple[int, bytes], list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
         alike = [grid.alike for grid in grids.levels]
         self.repeated = {level for level in alike if alike.count(level) > 1}
 
@@ -321,7 +321,7 @@ class _March:
         speed = np.divide(1.0, slowness, out=slowness)
         if grid.alike not in self.repeated:
             return self._marched(phi, speed, walkable)
-        made = self.made.setdefault(grid.alike, [])
+        made = self.made.setdefault((grid.alike, b"" if through is None else through.segments.tobytes()), [])
         for other_speed, contour, times in made:
             if np.array_equal(speed, other_speed) and np.abs(phi - contour).max() <= ALIKE * self.spacing:
                 return times.copy()

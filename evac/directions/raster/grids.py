@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shapely import maximum_inscribed_circle
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from evac.building.model.building import DOWN, FLAT, UP, Area, Building, Door, Exit, Jump, Level, Portal
+from evac.building.model.building import DOWN, FLAT, UP, Area, Building, Door, Exit, Jump, Level, Link, Portal
 from evac.building.model.narrow import gaps_below, gaps_between_walls
 from evac.directions.raster.lattice import SLACK, Lattice, Window, walkable_nodes, wall_distance
 from evac.directions.raster.masks import grown, parts_of
@@ -168,7 +168,8 @@ def build_grids(
     x_min, y_min = building.vertices[:, :2].min(axis=0)
     lattice = Lattice((float(x_min), float(y_min)), spacing)
     shared = shared or Shared()
-    lasting = [_walls_of(building, level, barred) for level in building.levels]
+    closed = [link for link in building.links if not building.is_open(link)]
+    lasting = [_walls_of(building, level, closed, barred) for level in building.levels]
     doors = [_doors_of_one_direction(building, level.index) for level in building.levels]
     walls = [
         np.concatenate([own, *(door.segments for door, _ in some)]) for own, some in zip(lasting, doors, strict=True)
@@ -233,11 +234,10 @@ def _depth(portal: Portal, spacing: float) -> float:
     return max(portal.width, MARGIN * spacing)
 
 
-def _walls_of(building: Building, level: Level, barred: float) -> FloatArray:
-    """Return the walls of a level, including closed portals and exits and gaps that are treated as closed."""
+def _walls_of(building: Building, level: Level, closed: Sequence[Link], barred: float) -> FloatArray:
+    """Return the walls of a level, including its closed links and gaps that are treated as closed."""
     parts = [building.walls[building.wall_level == level.index].reshape(-1, 4)]
-    closed = [link for link in building.links if level.index in link.levels and not building.is_open(link)]
-    parts += [link.segments for link in closed]
+    parts += [link.segments for link in closed if level.index in link.levels]
     parts.append(gaps_below(level.polygon))
     if barred > 0.0:
         parts.append(gaps_between_walls(building, level, barred))
