@@ -187,18 +187,9 @@ class RouteChoice(Behaviour):
 
 
 def route_costs(fields: Fields, crowd: Crowd, rows: IntArray, routes: Sequence[int], measure: str) -> FloatArray:
-    """Return the cost (len(rows), len(routes)) of routes for people, by their own speeds.
+    """Return the cost (rows, routes) of routes for people inside, by their own speeds; inf where there is no way.
 
-    Parameters
-    ----------
-    fields : Fields
-    crowd : Crowd
-    rows : (k,) int32
-        People inside the building.
-    routes : sequence of int
-        Rows of ``fields.routes``.
-    measure : {"shortest", "fastest", "comfortable", "quickest"}
-        The cost is in metres for "shortest", otherwise in seconds; inf where the exit cannot be reached.
+    It is in metres if the measure is "shortest", otherwise in seconds.
     """
     with np.errstate(divide="ignore"):
         weight = np.ones((len(rows), 3)) if measure == "shortest" else 1.0 / crowd.speed[rows]

@@ -85,27 +85,11 @@ def build_fields(
     A gap, portal or exit that a body does not fit through is a wall for it. Where its destination can then not be
     reached, the body has the directions of the next narrower class.
 
-    Parameters
-    ----------
-    building : Building
-    routes : sequence of Route
-    spacing : float
-        Grid spacing [m].
-    clearance : float
-        Approximately the largest body radius [m]; 0 gives the directions of the plain travel time.
-    speeds : (flat, up, down)
-        Reference speeds along the slope [m/s].
-    comfort : float
-        Weight of the time on stairs for the strategy "comfortable".
-    order : {1, 2}
-        Order of the marching stencil.
-    narrowest, widest : float
-        Diameters of the smallest and the largest body [m]. For each gap between them there is another class of bodies
-        with its own fields.
-    anywhere : bool
-        Whether routes lead to any exit from where none of their own exits can be reached.
-    keep_grids : bool
-        Whether the fields may be solved again during a run, so that their grids are needed.
+    Lengths are in metres, `speeds` (flat, up, down) along the slope relative to that on the flat, and `comfort` weighs
+    the time on stairs for the strategy "comfortable". `narrowest` and `widest` are the diameters of the smallest and
+    the largest body: for each gap between them there is another class of bodies with its own fields. With `anywhere`,
+    routes lead to any exit from where none of their own can be reached; with `keep_grids`, the fields may be solved
+    again during a run.
     """
     _check_routes(building, routes)
     _check_spacing(building, spacing)

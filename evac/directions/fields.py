@@ -82,14 +82,7 @@ class PackedFields(Struct):
 
 
 def columns_of(fields: PackedFields, route: ArrayLike, radius: ArrayLike) -> IntArray:
-    """Return the columns (n,) of routes for bodies; of several classes if there are gaps between their widths.
-
-    Parameters
-    ----------
-    fields : PackedFields
-    route : (n,) or int
-    radius : (n,) or float [m]
-    """
+    """Return the columns (n,) of routes (n,) for bodies of radii (n,) [m]; a number stands for all."""
     routes = fields.field_of.shape[1] // (len(fields.width) + 1)
     columns: IntArray = np.asarray(
         np.asarray(route) + routes * np.searchsorted(fields.width, 2.0 * np.asarray(radius)), dtype=np.int32

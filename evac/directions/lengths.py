@@ -17,9 +17,6 @@ from evac.directions.routes import Route
 if TYPE_CHECKING:
     from evac.directions.fields import PackedFields
 
-#: Nodes that are looked at together where that takes much memory for each.
-CHUNK = 2**17
-
 
 @dataclass(frozen=True)
 class MarchedClass:
@@ -166,11 +163,10 @@ def _lengths(grids: BuildingGrids, ways: Ways, exits: list[Exit], rates: FloatAr
         lengths[begins, towards] = cost[begins] / rates[towards] * is_walked
         add_lengths(node, ways, lengths)
     # Lengths are of first order, the cost of second; scale the lengths so that they sum up to the cost.
-    for first in range(0, len(node), CHUNK) if is_walked else ():
-        some = node[first : first + CHUNK]
-        along = lengths[some] @ rates
-        usable = (along > 0.0) & (cost[some] > 0.0) & np.isfinite(along)
-        lengths[some[usable]] *= (cost[some[usable]] / along[usable])[:, None]
+    if is_walked:
+        along = lengths[node] @ rates
+        usable = (along > 0.0) & (cost[node] > 0.0) & np.isfinite(along)
+        lengths[node[usable]] *= (cost[node[usable]] / along[usable])[:, None]
     take_halos(grids, lengths)
     continue_values(grids, lengths)
     return lengths

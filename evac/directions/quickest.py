@@ -13,7 +13,6 @@ only if the speeds have changed on it, or if its ways lead through a level that 
 that no way leads through while nobody is in them (`pockets.py`).
 """
 
-import time
 from typing import Protocol
 
 import numpy as np
@@ -44,7 +43,7 @@ class Quickest(Saved):
     empty building.
     """
 
-    saved = ("_density", "_counts", "_seconds", "_is_solved", "_exit_of", "_left", "_gates", "columns")
+    saved = ("_density", "_counts", "_is_solved", "_gates", "columns")
 
     def __init__(self, fields: Fields, settings: Settings, before: "Quickest | None" = None) -> None:
         self.fields, self.clear = fields.with_own_directions(), fields
@@ -65,15 +64,12 @@ class Quickest(Saved):
                 self.columns[number] = column
         #: For each column of people: the next gate (nodes,) on their way, and the time to it.
         self._ways = {number: (one.waves.gate, one.waves.walk) for number, one in self.columns.items()}
-        self._is_solved, self._seconds = np.array(False), np.array(0.0)
+        self._is_solved = np.array(False)
         self._density = np.zeros(grids.size)
-        self._exit_of, self._left = np.zeros(0, np.int32), np.zeros((0, len(grids.building.exits)), np.uint8)
-        self._counts = np.zeros(4, np.int64)  # updates, levels solved, changes of exit, returns to an exit
+        self._counts = np.zeros(2, np.int64)  # updates, levels solved
         if before is not None:
             self._density = at_nodes_of(grids, before._density, before._grids)
-            self._exit_of, self._left = before._exit_of, before._left
-            self._counts, self._seconds = before._counts, before._seconds
-            self._gates.people = before._gates.people
+            self._counts, self._gates.people = before._counts, before._gates.people
 
     def is_due(self, tick: int, length: float) -> bool:
         """Return whether an update is due at a tick of this length [s]: each period, and when links have changed."""
@@ -84,7 +80,6 @@ class Quickest(Saved):
 
         Bodies fit through gaps by their radii (n,) [m].
         """
-        began = time.process_time()
         columns = columns_of(self.fields.packed, route, radius)
         inside = level >= 0
         nodes = self._kernels.nodes_at(level, position)
@@ -99,23 +94,14 @@ class Quickest(Saved):
             self._counts[1] += column.solve(changed, occupied, not self._is_solved)
         self._counts[0] += 1
         self._is_solved[()] = True
-        if len(self._exit_of) < len(level):
-            self._exit_of = np.full(len(level), -1, np.int32)
-            self._left = np.zeros((len(level), self._left.shape[1]), np.uint8)
-        self._count_changes(nodes, np.where(inside, columns, -1))
-        self._seconds += time.process_time() - began
 
     def report(self) -> dict[str, float]:
         """Return what the summary of a run says about the updates."""
-        names = "updates", "levels_solved", "exit_changes", "exit_returns"
-        return {**dict(zip(names, self._counts.tolist(), strict=True)), "cpu_seconds": float(self._seconds)}
+        return dict(zip(("updates", "levels_solved"), self._counts.tolist(), strict=True))
 
     def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of densities, counts and exits."""
-        exits = len(self._grids.building.exits)
-        own = dict.fromkeys(("_density", "_counts", "_seconds", "_is_solved"), Bounds(0, np.inf))
-        left = Bounds(0, 1, shape=(len(self._exit_of), exits))
-        return own | {"_exit_of": Bounds(-1, exits - 1, shape=(None,)), "_left": left}
+        """Return the bounds of densities and counts."""
+        return dict.fromkeys(("_density", "_counts", "_is_solved"), Bounds(0, np.inf))
 
     def _count_at_gates(self, nodes: IndexArray, columns: IntArray, gain: float) -> None:
         """Count people at nodes on their way to gates. Those with other strategies walk as in the empty building."""
@@ -130,16 +116,3 @@ class Quickest(Saved):
             rows = columns == number
             gate[rows], walk[rows] = (values[nodes[rows]] for values in self._ways[number])
         self._gates.count(gate, walk, gain)
-
-    def _count_changes(self, nodes: IndexArray, columns: IntArray) -> None:
-        """Count the people at nodes whose way now ends at another exit than after the last update; column -1: left."""
-        for number, column in self.columns.items():
-            rows = np.flatnonzero(columns == number)
-            now, before = column.waves.exit[nodes[rows]], self._exit_of[rows]
-            known = now >= 0
-            changed = known & (before >= 0) & (now != before)
-            moved, target = rows[changed], now[changed]
-            self._counts[2] += len(moved)
-            self._counts[3] += int(self._left[moved, target].sum())
-            self._left[moved, self._exit_of[moved]] = 1
-            self._exit_of[rows[known]] = now[known]

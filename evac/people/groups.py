@@ -32,12 +32,7 @@ def routes_of(case: "Case") -> tuple[Route, ...]:
 
 
 def default_clearance(case: "Case", behaviours: Sequence[Behaviour] = ()) -> float:
-    """Return the default clearance of directions from walls: the largest contact radius, at most twice the mean one.
-
-    Returns
-    -------
-    float [m]
-    """
+    """Return the default clearance of directions from walls: the largest contact radius, at most twice the mean [m]."""
     greatest = max(_contact_radius(behaviours, people, people.radius.support()[1]) for people in case.people)
     mean = max(_contact_radius(behaviours, people, people.radius.mean()) for people in case.people)
     return min(greatest, 2.0 * mean)

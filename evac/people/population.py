@@ -75,20 +75,8 @@ class Group:
 class Population(Saved):
     """All people of a run, and the log of their crossings.
 
-    Parameters
-    ----------
-    crowd : Crowd
-        Owned by the population; each array has one writer, see docs/architecture.md.
-    groups : tuple of Group
-    building : Building
-    routes : int
-        Number of routes.
-    staying : (k,) int32
-        People who do not leave.
-    sources : sequence of Source
-        Where people come in during the run.
-    left_out : tuple of Finding
-        Ground of their areas on which nobody starts.
+    It owns the crowd, of which each array has one writer, see docs/architecture.md. `staying` (k,) are the people who
+    do not leave, `sources` the places where people come in, `left_out` the ground on which nobody starts.
     """
 
     def __init__(

@@ -44,29 +44,6 @@ def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def late_starts(crowd: Crowd, duration: float) -> tuple[str, ...]:
-    """Return a warning if people start to walk only after the end of the run; infinite start times do not count."""
-    late = np.isfinite(crowd.start_time) & (crowd.start_time > duration)
-    if not late.any():
-        return ()
-    return (
-        f"{late.sum()} of {len(late)} people start to walk only after the end of the run: their response times are up "
-        f"to {crowd.start_time[late].max():.3g} s, but simulation.duration is {duration:g} s. Increase the duration, "
-        "or correct the response times; the numbers of lognormal = [mu, sigma] belong to the logarithm of the time",
-    )
-
-
-def rivals(keepers: Sequence[str]) -> tuple[str, ...]:
-    """Return a warning if several behaviours that keep distances are in use."""
-    if len(keepers) < 2:
-        return ()
-    return (
-        f"behaviours {' and '.join(map(repr, keepers))} keep distances: each slows people down for the same people "
-        "ahead, and the speed factors are multiplied, so that evacuation times are too long; use one of them (--set "
-        f"behaviours.{keepers[0]}=false)",
-    )
-
-
 def overlapping(crowd: Crowd) -> tuple[int, float]:
     """Return the number of overlapping pairs of bodies and the largest overlap [m]."""
     pairs, deepest = 0, 0.0

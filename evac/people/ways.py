@@ -292,26 +292,9 @@ def walk_all(
 ) -> None:
     """Walk from all positions; a walk that reaches a cell from which another walk arrived ends there.
 
-    Parameters
-    ----------
-    world : World
-    position : (n, 2) float64 [m]
-    level : (n,) int32
-    column : int
-        Of the fields, common to all.
-    radius : (n,) float64
-        Of the bodies, which do not overlap walls; 0 for points [m].
-    most : (n,) int64
-        Maximum number of steps of each walk; 0 to skip it.
-    first : (levels,) int64
-        Number of the first cell of each level.
-    seen : (cells,) uint8
-        Written: 1 in cells from which an exit is reached.
-    trail : (steps,) int64
-        Scratch for the cells of one walk.
-    ends : (n, 3) float64
-        Written: end of each failed walk, x, y [m] and level; the level is -1 if the walk arrived.
-    measures : Measures
+    Bodies do not overlap walls; a radius of 0 is that of a point. `most` (n,) are the greatest numbers of steps, 0 for
+    no walk; cells of a level are numbered from `first` (levels,) on. Cells from which an exit is reached are marked in
+    `seen` (cells,); `trail` (steps,) is scratch; `ends` (n, 3) are x, y [m] and level of failed walks, or level -1.
     """
     is_measured = measures.length.shape[0] > 0
     for p in range(position.shape[0]):

@@ -242,9 +242,7 @@ class Results:
     """Values added by plugins."""
     quickest: Mapping[str, Amount] | None = None
     """Null if nobody can take a route with the strategy "quickest". Otherwise: `updates`, the number of updates;
-    `levels_solved`, the number of levels solved in them, for each route and class of bodies; `cpu_seconds` [s], which
-    are part of the phase directions; `exit_changes`, how often a person's way ended at another exit than at the
-    previous update; `exit_returns`, how many of these changes led back to an earlier exit of the person."""
+    `levels_solved`, the number of levels solved in them, for each route and class of bodies."""
     conditions: Mapping[str, Any] | None = None
     """Null in a case without `[[conditions]]`. Otherwise: `sources`; the `law` of speed; the `quantities` that are
     read; the `findings` of the sources; the `doses` over time (mean and greatest, every two seconds); the solves of

@@ -25,7 +25,7 @@ from evac.jit.loading import Compiling, addresses_of
 from evac.people.groups import check_people
 from evac.people.outside import PeopleOutside
 from evac.people.starts import with_numbers
-from evac.people.unusual import late_starts, rivals, unusual
+from evac.people.unusual import unusual
 from evac.people.ways import cut_off, without_way
 from evac.physics.state import copy_of
 from evac.results.ending import INTERRUPTED, Ending
@@ -241,9 +241,8 @@ class Simulation(Saved):
         air = () if self.exposure is None else self.exposure.warnings()
         narrow = narrow_places(self.building, 2.0 * crowd.contact_radius)
         start = crowd.replace(level=np.where(crowd.arrival_time == 0.0, crowd.level, np.int32(-1)))
-        people = (*unusual(start, groups), *late_starts(crowd, self.case.simulation.duration))
-        rivalling, out = rivals(self.case.keeps_distance), self.population.left_out
-        return as_findings((*self.building.findings, *air, *narrow, *self.stopping, *people, *rivalling, *out))
+        people, out = unusual(start, groups), self.population.left_out
+        return as_findings((*self.building.findings, *air, *narrow, *self.stopping, *people, *out))
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Results:
         """Run to the end and return the results: `advance_tick` until the run has ended.

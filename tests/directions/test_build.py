@@ -85,15 +85,6 @@ def test_time_and_lengths_over_a_stair_are_sums_of_straight_pieces(drawing):
     assert fields.travel_time_at(level, points, 0) == pytest.approx([9 + 5 / 0.7, 6 + 2.5 / 0.7, 4.0], abs=0.05)
 
 
-def test_fields_are_the_same_to_the_bit_however_many_nodes_are_looked_at_together(drawing, monkeypatch):
-    building = two_storeys(drawing)
-    whole = build_fields(building, ANY, speeds=(1.0, 0.5, 0.7))
-    monkeypatch.setattr("evac.directions.lengths.CHUNK", 512)
-    parts = build_fields(building, ANY, speeds=(1.0, 0.5, 0.7))
-    np.testing.assert_array_equal(parts.lengths, whole.lengths)
-    np.testing.assert_array_equal(parts.packed.direction, whole.packed.direction)
-
-
 def test_lengths_over_the_speeds_are_the_travel_time_at_every_node(drawing):
     fields = build_fields(two_storeys(drawing), ANY, speeds=(1.0, 0.5, 0.7))
     time = fields.lengths @ [1.0, 1.0 / 0.5, 1.0 / 0.7]

@@ -3,11 +3,9 @@ import re
 import numpy as np
 import pytest
 
-from evac.case.loading import load_case
 from evac.people.population import Group
-from evac.people.unusual import late_starts, overlapping, rivals, unusual
+from evac.people.unusual import overlapping, unusual
 from evac.physics.state import make_crowd
-from evac.simulation.simulation import Simulation
 
 
 def group(crowd):
@@ -44,21 +42,3 @@ def test_overlaps_at_the_start_are_counted_by_level():
     assert re.search("^2 pairs .* 0.10 m", unusual(crowd, group(crowd))[0])
     crowd.contact_radius[:] = 0.14  # of the bodies that touch
     assert overlapping(crowd) == (0, 0.0)
-
-
-def test_people_who_start_after_the_end_are_told_of():
-    crowd = make_crowd([[float(k), 0.0] for k in range(4)], speed=1.3)
-    crowd.start_time[:] = 0.0, 300.0, 5e32, np.inf  # the last one waits for a behaviour
-    (note,) = late_starts(crowd, 300.0)
-    assert note.startswith("1 of 4 people ")
-    assert "5e+32 s" in note
-    assert late_starts(crowd, 1e33) == ()
-
-
-def test_several_behaviours_that_keep_distances_are_told_of():
-    registered = load_case("square_room", {"behaviours.headway": {}, "behaviours.walking": {}})
-    (note,) = Simulation(registered, will_run=False).warnings()
-    assert "'headway'" in note
-    assert "'walking'" in note
-    name = re.search(r"--set behaviours\.(\w+)=false", note)[1]
-    assert rivals(registered.change({f"behaviours.{name}": False}).keeps_distance) == ()

@@ -57,8 +57,6 @@ def test_more_people_take_the_wider_exit_although_it_is_farther(tmp_path):
     assert found == summary["quickest"]
     assert found["updates"] == 1 + int((quickest.time - 1e-6) // 2.0)
     assert found["levels_solved"] >= 3
-    assert 0.0 < found["cpu_seconds"] < summary["wall_time"]["directions"] + 1.0
-    assert found["exit_returns"] <= found["exit_changes"]
 
 
 def test_people_of_other_strategies_queue_at_the_gates_that_they_walk_to():
