@@ -12,7 +12,7 @@ from evac.base.errors import PluginError, is_one_line, text_of
 from evac.base.keys import Fault, Key, faults_of, is_multiple
 from evac.base.parameters import Configurable, did_you_mean
 from evac.case.case import Case
-from evac.case.schema import MOST_STATES, ConditionSettings, EventSettings, SmokeSettings, shipped_presets, with_presets
+from evac.case.schema import MOST_STATES, ConditionSettings, SmokeSettings, shipped_presets, with_presets
 from evac.contract.registry import Registry
 from evac.directions.routes import STRATEGIES
 
@@ -126,16 +126,13 @@ def _contact(draft: Draft) -> Iterator[Fault]:
     """Check the contact model in use, the parameters of all, and the solvers that they name."""
     from evac.physics.contact.model import SolvedContactModel
 
-    given, models = draft.content.get("contact"), draft.registry.contact_models
-    key: Key = ("contact", "model")
-    names = f'model = "NAME", where NAME is one of {", ".join(sorted(models))}'
-    if given is None:
-        yield Fault(key[:1], f"missing; add the table [contact] with {names}")
-    elif isinstance(given, dict) and "model" not in given:
-        yield Fault(key, f"missing; write {names}")
-    yield from _name(key, _table(given).get("model"), models, "contact model")
-    tables = {name: table for name, table in _table(given).items() if name != "model"}
-    yield from _tables(key[:1], tables, models, "contact model", ("model",))
+    given, models = _table(draft.content.get("contact")), draft.registry.contact_models
+    if "model" not in given:
+        names = f'model = "NAME", where NAME is one of {", ".join(sorted(models))}'
+        yield Fault(("contact", "model"), f"missing; write {names}")
+    yield from _name(("contact", "model"), given.get("model"), models, "contact model")
+    tables = {name: table for name, table in given.items() if name != "model"}
+    yield from _tables(("contact",), tables, models, "contact model", ("model",))
     for name, table in tables.items():
         if issubclass(models.get(name, object), SolvedContactModel):
             yield from _name(("contact", name, "solver"), _table(table).get("solver"), draft.registry.solvers, "solver")
@@ -265,9 +262,6 @@ def _events(draft: Draft, case: Case) -> Iterator[Fault]:
             known = [name for name in names if name is not None and name != one.name]
             text = f"there is no other event {other!r}; {did_you_mean(other, known)}"
             yield Fault((*key, "when", "event"), text)
-        elif other is not None and one.name in (circle := _followed(case.events, one)):
-            text = f"the events {', '.join(circle)} wait for each other; give one of them a time or another condition"
-            yield Fault((*key, "when", "event"), text)
 
 
 def _phases(draft: Draft, case: Case) -> Iterator[Fault]:
@@ -280,17 +274,6 @@ def _phases(draft: Draft, case: Case) -> Iterator[Fault]:
         if phase.cue is not None and phase.cue not in known:
             hint = did_you_mean(phase.cue, known)
             yield Fault(("phase", index, "cue"), f"there is no other event or phase {phase.cue!r}; {hint}")
-        elif phase.name in (circle := _followed(case.events, phase.alarms[0])):
-            yield Fault(("phase", index, "cue"), f"{', '.join(circle)} wait for each other; give one of them no cue")
-
-
-def _followed(events: tuple[EventSettings, ...], one: EventSettings) -> list[str]:
-    """Return the names of the events that an event waits for, one after the other, up to the first one twice."""
-    named, found = {event.name: event for event in events if event.name is not None}, list[str]()
-    while one.when is not None and (name := one.when.event) in named and name not in found:
-        found.append(name)
-        one = named[name]
-    return found
 
 
 def _states(draft: Draft, case: Case) -> Iterator[Fault]:

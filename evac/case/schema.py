@@ -1,6 +1,7 @@
 """The tables of case.toml: every key with its type, unit, range, default and meaning."""
 
 import tomllib
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -226,6 +227,17 @@ class ArrivalSettings(Table):
         return self
 
 
+#: Keys by which people start, the first that is given, and the others that each may have beside it.
+STARTS: Mapping[str, tuple[str, ...]] = {
+    "arrive": ("area", "level"),
+    "positions": ("number", "level", "velocity", "z"),
+    "area": ("number", "density"),
+    "use": ("number", "density"),
+    "level": ("number", "density"),
+}
+START_KEYS = ("number", "density", "velocity", "z")
+
+
 class GroupSettings(PeopleSettings):
     """`[[people]]`: a group: properties, number and start positions of its people."""
 
@@ -273,17 +285,21 @@ class GroupSettings(PeopleSettings):
 
     @model_validator(mode="after")
     def _placed_one_way(self) -> Self:
-        if self.arrive is not None:
-            self._check_arrival()
-            return self
-        if self.area is not None and self.positions is not None:
-            raise wrong("area", "give either area or positions, not both; remove one")
-        if self.area is None and self.positions is None and self.level is None and self.use is None:
+        way = next((name for name in STARTS if getattr(self, name) is not None), None)
+        if way is None:
             raise wrong("area", "give the start of the people: area, level or use with their number, or positions")
-        if self.positions is None:
-            self._check_place()
-        else:
+        for other in (*STARTS, *START_KEYS):
+            if other not in (way, *STARTS[way]) and getattr(self, other) is not None:
+                raise wrong(other, f"cannot be used with {way}; remove one of them")
+        if self.arrive is not None:
+            self._check_arrival(self.arrive)
+            return self
+        if self.positions is not None:
             self._check_positions(len(self.positions))
+        elif self.number is not None and self.density is not None:
+            raise wrong("density", "give either number or density, not both; remove one")
+        elif way == "level" and self.number is None and self.density is None:
+            raise wrong("number", "missing; give the number of people who start on the level, or their density")
         for quantity in ("radius", "height", "mass", "tau", "speed", "speed_up", "speed_down"):
             given = getattr(self, quantity)
             values = given.factor if isinstance(given, Factor) else given
@@ -291,30 +307,13 @@ class GroupSettings(PeopleSettings):
                 raise wrong(quantity, f"{len(values.numbers)} values for {self.count} people; give one for each person")
         return self
 
-    def _check_arrival(self) -> None:
-        assert self.arrive is not None
-        given = [name for name in ("area", "level") if getattr(self, name) is not None]
-        if len(given) + (self.arrive.exit is not None) != 1:
+    def _check_arrival(self, arrive: ArrivalSettings) -> None:
+        if sum(given is not None for given in (self.area, self.level, arrive.exit)) != 1:
             raise wrong("arrive", "give one place at which they enter: area, level, or arrive.exit")
-        if self.arrive.portal is not None and self.level is None:
+        if arrive.portal is not None and self.level is None:
             raise wrong("level", "missing; name the level that people enter through arrive.portal")
-        for other in ("number", "density", "use", "positions", "velocity", "z"):
-            if getattr(self, other) is not None:
-                raise wrong(other, "cannot be used with arrive, whose times or rate set the number; remove it")
-
-    def _check_place(self) -> None:
-        place, *others = [name for name in ("area", "use", "level") if getattr(self, name) is not None]
-        if self.number is not None and self.density is not None:
-            raise wrong("density", "give either number or density, not both; remove one")
-        if place == "level" and self.number is None and self.density is None:
-            raise wrong("number", "missing; give the number of people who start on the level, or their density")
-        for other in (*others, *(name for name in ("velocity", "z") if getattr(self, name) is not None)):
-            raise wrong(other, f"can be used only with positions, not with {place} and number; remove it")
 
     def _check_positions(self, count: int) -> None:
-        for other in ("density", "use"):
-            if getattr(self, other) is not None:
-                raise wrong(other, "cannot be used with positions; remove it")
         if self.number not in (None, count):
             raise wrong("number", f"{self.number} people but {count} positions; remove number or correct it")
         check_level("the level of the positions", self.level, self.z)

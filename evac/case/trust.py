@@ -11,17 +11,6 @@ if TYPE_CHECKING:
     from evac.case.case import Case
 
 
-#: How a case uses what a plugin provides, by kind; other kinds need no table.
-TABLES = {
-    "contact_model": '[contact] model = "{}"',
-    "solver": 'solver = "{}" in the table of the contact model',
-    "force": "[forces.{}]",
-    "behaviour": "[behaviours.{}]",
-    "condition_source": '[[conditions]] source = "{}"',
-    "smoke_law": '[smoke] law = "{}"',
-}
-
-
 def named_files(content: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
     """Return the plugin files named in a case that exist; none is opened."""
     table = content.get("plugins")
@@ -58,20 +47,3 @@ def run_plugin_files(case: "Case", announce: Callable[[Path], None] | None = Non
         case.registry.add_file(path)
     files = (*case.loaded_files, *case.unloaded_files)
     return case_from(case._origin.table, case.source, plugin_files=files, registry=case.registry)
-
-
-def unused_files(case: "Case") -> list[tuple[Path, list[str]]]:
-    """Return the loaded plugin files that provide models or behaviours none of which the case uses.
-
-    Files that also provide something that needs no table in a case, such as importers and hooks, are not among them.
-    """
-    models = case.contact.tables.values()
-    used = {("contact_model", case.contact.model), *(("solver", table.get("solver")) for table in models)}
-    used |= {("force", name) for name, table in case.forces.items() if table is not False}
-    used |= {("behaviour", name) for name, table in case.behaviours.items() if table is not False}
-    unused = []
-    for path in case.loaded_files:
-        provided = case.registry.provided_by(path)
-        if provided and all(kind in TABLES and (kind, name) not in used for kind, name in provided):
-            unused.append((path, [TABLES[kind].format(name) for kind, name in provided]))
-    return unused

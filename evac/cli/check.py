@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from evac.base.display import Display
 from evac.base.errors import BuildingError, EvacError, ResultError, counted, in_order
-from evac.cli.inputs import case_of, case_to_run, declare_case, note_unused_plugins
+from evac.cli.inputs import case_of, case_to_run, declare_case
 from evac.cli.screen import note, show_facts, show_table, show_warnings
 from evac.contract.hooks import DEFAULT_FIRE
 from evac.folder.files import CHECKPOINT_NAME, COMPLETE, STUDY_NAME, SUMMARY_NAME, TRAJECTORY_NAME, read_manifest
@@ -437,7 +437,6 @@ def execute_explain(arguments: argparse.Namespace) -> int:
     of the case are executed, as by `evac run`, because forces and behaviours decide themselves whether they are needed.
     """
     case = case_to_run(arguments)
-    note_unused_plugins(case)
     from evac.cli.run import response_times
     from evac.simulation.simulation import Simulation
 

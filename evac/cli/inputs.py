@@ -90,14 +90,6 @@ def case_of(arguments: argparse.Namespace) -> "Case":
     return load_case(arguments.case, overrides, arguments.plugins)
 
 
-def note_unused_plugins(case: "Case") -> None:
-    """Print a note for each plugin file in addition to the case none of whose models and behaviours the case uses."""
-    from evac.case.trust import unused_files
-
-    for path, tables in unused_files(case):
-        note(f"note: plugin {path} is not used by the case: add {' or '.join(tables)}")
-
-
 def case_to_run(arguments: argparse.Namespace) -> "Case":
     """Load the case named by the arguments and execute its plugin files, see `with_plugin_files`."""
     return with_plugin_files(case_of(arguments))

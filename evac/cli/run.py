@@ -14,7 +14,6 @@ from evac.cli.inputs import (
     declare_case,
     declare_plugin,
     default_folder,
-    note_unused_plugins,
 )
 from evac.cli.screen import STYLES, height, note, notify, say, show_facts, show_table, show_warnings, wrapped
 from evac.folder.files import ANIMATION_NAME, CHECKPOINT_NAME, REPLAY_NAME
@@ -66,7 +65,6 @@ def execute_run(arguments: argparse.Namespace) -> int:
         case = case_to_run(arguments)
         if arguments.vtk:
             case = case.change({"output.animation": True})
-        note_unused_plugins(case)
         from evac.folder.resultfolder import ResultFolder
         from evac.simulation.simulation import Simulation
 

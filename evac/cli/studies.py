@@ -16,7 +16,6 @@ from evac.cli.inputs import (
     declare_plugin,
     declare_set,
     default_folder,
-    note_unused_plugins,
     positive,
     with_plugin_files,
 )
@@ -61,7 +60,6 @@ def execute_repeat(arguments: argparse.Namespace) -> int:
     from evac.study.points import halved_steps, single
 
     case = case_to_run(arguments)
-    note_unused_plugins(case)
     points = halved_steps(case) if arguments.check_step else single(case)
     return run_study(arguments, points, default_folder(case, "runs"))
 

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evac.cli.inputs import declare_plugin, declare_set, note_unused_plugins
+from evac.cli.inputs import declare_plugin, declare_set
 from evac.cli.screen import note, say
 from evac.evidence import KINDS
 
@@ -49,7 +49,7 @@ def execute_verify(arguments: argparse.Namespace) -> int:
     tests = find_tests(arguments.tests)
     plugin_files = tuple(Path(path).resolve() for path in arguments.plugins)
     trial = Trial(arguments.out, settings=tuple(arguments.set), plugin_files=plugin_files, is_paper=arguments.paper)
-    note_unused_plugins(probe(trial))
+    probe(trial)
     from evac.standard.verify import PAGE_NAME, verify
 
     results = verify(tests, trial, arguments.seed, show_result)

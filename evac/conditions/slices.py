@@ -4,7 +4,6 @@ Both are written by FDS; docs/fire_data.md describes what is read. Nothing in th
 values are read for the two times around that of the run only.
 """
 
-import errno
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,9 +14,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import ScenarioError
-
-#: Greatest size of a Smokeview file [bytes].
-MOST_BYTES = 200_000_000
+from evac.folder.files import check_regular, content_of
 
 #: Records of a slice file before the first time: three texts of 30 characters and six indices, each with its length
 #: before and after it. A time has a record with itself and one with the values.
@@ -25,9 +22,6 @@ HEADER = np.dtype(
     [(f"{part}{k}", kind) for k in range(3) for part, kind in (("a", "<i4"), ("text", "S30"), ("b", "<i4"))]
     + [("c", "<i4"), ("bounds", "<i4", (6,)), ("d", "<i4")]
 )
-
-#: Bytes of a slice file that are read at a time when its times are listed.
-CHUNK = 32_000_000
 
 #: A span between two times is a gap if it is this many times the median, of at least so many spans.
 GAP, LEAST_SPANS = 10.0, 10
@@ -138,9 +132,7 @@ def read_slices(
     Slices along terrain are left out.
     """
     try:
-        if _size_of(path) > MOST_BYTES:
-            raise ScenarioError(f"{path}: larger than {MOST_BYTES / 1e6:g} MB; it is not a Smokeview file")
-        lines = path.read_text(encoding="latin-1").splitlines()
+        lines = content_of(path).decode("latin-1").splitlines()
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}; check the file") from error
     nodes, blocks = [[axis + by for axis, by in zip(mesh, shift, strict=True)] for mesh in _nodes_in(path, lines)], []
@@ -213,17 +205,10 @@ def _block_of(
     return Block(path, labels[0], (axes[0], axes[1], axes[2]), ends, times, labels[1], shape, is_centred)
 
 
-def _size_of(path: Path) -> int:
-    """Return the size of a file [bytes]; reading a pipe might not end."""
-    if path.exists() and not path.is_file():
-        raise OSError(errno.EINVAL, "not a file")
-    return path.stat().st_size
-
-
 def _times_in(path: Path, bounds: NDArray[np.int64], size: int) -> FloatArray:
     """Return the times of a slice file; a last one that is not complete is left out."""
     try:
-        bytes_ = _size_of(path)
+        check_regular(path)
         head = np.fromfile(path, HEADER, 1)
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}; check the folder of the results") from error
@@ -240,19 +225,16 @@ def _times_in(path: Path, bounds: NDArray[np.int64], size: int) -> FloatArray:
             "the files are not of one calculation"
         )
     kind = _frame_of(size)
-    number, step = (bytes_ - HEADER.itemsize) // kind.itemsize, max(1, CHUNK // kind.itemsize)
+    number = (path.stat().st_size - HEADER.itemsize) // kind.itemsize
     if number == 0:
         raise ScenarioError(f"{path}: has no complete time; run FDS again, or remove its slice from the Smokeview file")
-    times = np.empty(number)
-    for first in range(0, number, step):
-        part = np.memmap(path, kind, "r", HEADER.itemsize + first * kind.itemsize, (min(step, number - first),))
-        marks = np.stack([part[mark] for mark in "abcd"])
-        wrong = (marks != np.array([[4], [4], [4 * size], [4 * size]])).any(axis=0)
-        if wrong.any():
-            frame = first + int(np.argmax(wrong))
-            raise ScenarioError(f"{path}: time {frame + 1}: its records have wrong lengths; run FDS again")
-        times[first : first + step] = part["time"]
-        del part
+    frames = np.memmap(path, kind, "r", HEADER.itemsize, (number,))
+    marks = np.stack([frames[mark] for mark in "abcd"])
+    wrong = (marks != np.array([[4], [4], [4 * size], [4 * size]])).any(axis=0)
+    if wrong.any():
+        frame = int(np.argmax(wrong))
+        raise ScenarioError(f"{path}: time {frame + 1}: its records have wrong lengths; run FDS again")
+    times = frames["time"].astype(np.float64)
     if not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
         frame = int(np.argmax(~(np.diff(times, prepend=-np.inf) > 0.0)))
         raise ScenarioError(

@@ -6,7 +6,6 @@ digest of the record and its place in the stream. Without it, a changed byte cou
 Arrow.
 """
 
-import errno
 import hashlib
 import json
 import os
@@ -16,7 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from evac.base.errors import EvacError, ResultError
-from evac.folder.files import writing
+from evac.folder.files import check_regular, writing
 
 #: Bytes that are read at once.
 CHUNK = 1 << 20
@@ -25,8 +24,7 @@ CHUNK = 1 << 20
 def digest_of_file(path: Path) -> str:
     """Return the SHA-256 of a file as hexadecimal text."""
     try:
-        if not path.is_file() and path.exists():
-            raise OSError(errno.EINVAL, "not a file")
+        check_regular(path)
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:

@@ -160,10 +160,15 @@ def writing(what: str, place: Path) -> Iterator[None]:
 
 
 def content_of(path: Path) -> bytes:
-    """Return the content of a file; a pipe or a device, whose reading might not end, is an OSError."""
+    """Return the content of a file, see `check_regular`."""
+    check_regular(path)
+    return path.read_bytes()
+
+
+def check_regular(path: Path) -> None:
+    """Raise an OSError for a pipe or a device, whose reading might not end."""
     if not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "not a file")
-    return path.read_bytes()
 
 
 @dataclass(frozen=True)

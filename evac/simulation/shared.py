@@ -24,7 +24,7 @@ from evac.simulation.simulation import Simulation
 if TYPE_CHECKING:
     from evac.case.case import Case
 
-#: Number of most recently used shared scenes that a process keeps.
+#: Number of shared scenes that a process keeps.
 MOST_SCENES = 8
 
 #: Alignment of the arrays [bytes].
@@ -86,7 +86,7 @@ def shared_key(case: "Case") -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
-#: The shared scenes that this process has used last, by key.
+#: The shared scenes of this process, by key.
 SCENES: OrderedDict[str, SharedScene] = OrderedDict()
 
 
@@ -95,14 +95,13 @@ def _kept(key: str, file: SharedSceneFile | None) -> SharedScene | None:
     if key not in SCENES and file is not None:
         with suppress(OSError):
             return _keep(key, read_shared_scene(file))
-    return _keep(key, SCENES[key]) if key in SCENES else None
+    return SCENES.get(key)
 
 
 def _keep(key: str, scene: SharedScene) -> SharedScene:
-    """Cache a shared scene as the one used last; discard the one whose use is the longest ago if there are too many."""
+    """Cache a shared scene; discard the oldest if there are too many."""
     SCENES[key] = scene
-    SCENES.move_to_end(key)
-    while len(SCENES) > MOST_SCENES:
+    if len(SCENES) > MOST_SCENES:
         SCENES.popitem(last=False)
     return scene
 
