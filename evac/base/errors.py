@@ -1,8 +1,10 @@
 """The exceptions of evac: one root, one class for each kind of cause."""
 
+import errno
 import inspect
 import re
 import shlex
+import stat
 import sys
 import traceback
 import unicodedata
@@ -164,6 +166,12 @@ def usable_path(given: str | Path, kind: type[EvacError]) -> Path:
         reason = getattr(error, "strerror", None) or error
         raise kind(f"{text_of(escaped(str(path)))}: {reason}; check the path") from None
     return path
+
+
+def check_regular(path: Path) -> None:
+    """Raise an OSError for a pipe or a device, whose reading might not end."""
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise OSError(errno.EINVAL, "not a file")
 
 
 def in_one_line(error: BaseException) -> str:

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
-from evac.base.errors import ScenarioError
-from evac.folder.files import check_regular, content_of
+from evac.base.errors import ScenarioError, check_regular
 
 #: Records of a slice file before the first time: three texts of 30 characters and six indices, each with its length
 #: before and after it. A time has a record with itself and one with the values.
@@ -132,7 +131,8 @@ def read_slices(
     Slices along terrain are left out.
     """
     try:
-        lines = content_of(path).decode("latin-1").splitlines()
+        check_regular(path)
+        lines = path.read_text(encoding="latin-1").splitlines()
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}; check the file") from error
     nodes, blocks = [[axis + by for axis, by in zip(mesh, shift, strict=True)] for mesh in _nodes_in(path, lines)], []

@@ -14,8 +14,8 @@ from mmap import mmap
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from evac.base.errors import EvacError, ResultError
-from evac.folder.files import check_regular, writing
+from evac.base.errors import EvacError, ResultError, check_regular
+from evac.folder.files import writing
 
 #: Bytes that are read at once.
 CHUNK = 1 << 20

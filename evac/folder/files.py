@@ -13,7 +13,6 @@ import json
 import os
 import secrets
 import shutil
-import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -21,7 +20,7 @@ from importlib.metadata import version
 from pathlib import Path, PurePath
 from typing import Any
 
-from evac.base.errors import ResultError
+from evac.base.errors import ResultError, check_regular
 
 TRAJECTORY_NAME = "trajectory.evac"
 
@@ -163,12 +162,6 @@ def content_of(path: Path) -> bytes:
     """Return the content of a file, see `check_regular`."""
     check_regular(path)
     return path.read_bytes()
-
-
-def check_regular(path: Path) -> None:
-    """Raise an OSError for a pipe or a device, whose reading might not end."""
-    if not stat.S_ISREG(path.stat().st_mode):
-        raise OSError(errno.EINVAL, "not a file")
 
 
 @dataclass(frozen=True)
