@@ -37,9 +37,6 @@ MARK |= {"repaired": "#1f77b4", "assumed": "#b8860b"}
 #: Background of names.
 PAPER = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7}
 
-#: Size of names that would cover others at their own size [points].
-SMALL = 6.0
-
 #: Height of a line of the list and margin around it [inches], and number of letters per inch.
 LINE, MARGIN, LETTERS = 0.17, 0.3, 13.5
 
@@ -126,34 +123,21 @@ def _name_parts(axes: Axes, building: Building, levels: Sequence[Level]) -> None
 
 
 def _keep_apart(figure: Figure, axes: Axes) -> None:
-    """Keep names within their plan, and write those of a kind smaller, doors with their widths alone, if they overlap.
-
-    Exits and marks are written as they are, then the names of stairs, areas and doors, and the widths of portals. Those
-    that still cover another name are left out.
-    """
+    """Keep names within their plan; leave out those that cover names of exits, marks, stairs, doors or areas."""
     axes.apply_aspect()
     renderer = FigureCanvasAgg(figure).get_renderer()
     named = [text for text in axes.texts if text.get_text()]
-    widths = [text for text in named if text.get_color() == palette.EDGE and len(text.get_text().split()) == 2]
-    doors = [text for text in named if text.get_color() == palette.EDGE and text not in widths]
-    stairs, areas = ([text for text in named if text.get_color() == kind] for kind in (palette.TEXT, AREA))
-    kinds = [stairs, areas, doors, widths]
-    for text in named:
+
+    def rank(text: Text) -> int:
+        is_width = len(text.get_text().split()) == 2
+        return {palette.TEXT: 1, palette.EDGE: 4 if is_width else 2, AREA: 3}.get(str(text.get_color()), 0)
+
+    written = list[Bbox]()
+    for text in sorted(named, key=rank):
         _move_inside(axes, text, text.get_window_extent(renderer))
-    written = [text.get_window_extent(renderer) for text in named if not any(text in kind for kind in kinds)]
-    for texts in kinds:
-        texts.sort(key=lambda text: -len(text.get_text()))
-        for is_short in (False, texts is doors):
-            boxes = [text.get_window_extent(renderer) for text in texts]
-            if all(box.count_overlaps(written + boxes) == 1 for box in boxes):
-                break
-            for text in texts:
-                text.set_fontsize(SMALL)
-                text.set_text(" ".join(text.get_text().split()[-2:]) if is_short else text.get_text())
-        for text in texts:
-            box = text.get_window_extent(renderer)
-            text.set_visible(not box.count_overlaps(written))
-            written += [box] * text.get_visible()
+        box = text.get_window_extent(renderer)
+        text.set_visible(rank(text) == 0 or not box.count_overlaps(written))
+        written += [box] * text.get_visible()
 
 
 def _move_inside(axes: Axes, text: Text, box: Bbox) -> None:

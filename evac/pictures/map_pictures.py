@@ -170,12 +170,9 @@ def draw_difference(
     dpi: int = 120,
     greatest: tuple[float, float] = (WIDTH, HEIGHT),
 ) -> Figure:
-    """Draw the difference of two maps of a quantity with equal cells, others - maps, on the plans of a building.
+    """Draw the difference of two maps of a quantity with equal cells, others - maps, as `draw_grids` draws values.
 
     Levels are those with the same name; cells on the floor of only one of the two have no colour.
-
-    `quantity`: one of `evac.analysis.maps.QUANTITIES`; `greatest`: greatest width and height of all plans together
-    [inches].
     """
     grids = {
         name: _aligned(others[name].array(quantity), others[name], own) - own.array(quantity)

@@ -2,7 +2,7 @@
 
 import html
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,10 +14,9 @@ from evac.analysis.occupancy import Moves, recorded_moves
 from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.distributions import as_text
-from evac.building.model.building import Building
 from evac.folder.files import PEOPLE_NAME, SUMMARY_NAME
 from evac.pictures import palette
-from evac.replay.motion import MotionPacker
+from evac.replay.motion import GRAIN, MotionPacker
 from evac.results.ending import DURATION_OVER, FAILED, INTERRUPTED, NO_PROGRESS
 from evac.results.reading import results_beside
 from evac.results.results import Results
@@ -159,14 +158,8 @@ def _versions(versions: Any) -> str:
 #: Lines of floors are drawn with this tolerance [m], which keeps the picture small.
 TOLERANCE = 0.05
 
-#: Most letters of the name of a storey, and the width of a person [cm].
-MOST_LETTERS, PERSON = 40, 45.0
-
 #: At most so many people are drawn.
 MOST_PEOPLE = 1500
-
-#: Space between the plans of storeys, as a share of the longer side of the building, and at least [m].
-GAP, LEAST_GAP = 0.1, 1.0
 
 
 def texts(account: Account) -> dict[str, str]:
@@ -193,50 +186,37 @@ def poster(motion: MotionPacker, group: IntArray) -> str:
     `motion`: with at least one state; `group` (n,): group of each person, -1 for none.
     """
     building = motion.building
-    of = building.storeys
-    storey_of = {level.index: storey for storey, (_, levels) in enumerate(of) for level in levels}
     low, high = np.array(shapely.total_bounds([level.polygon for level in building.levels])).reshape(2, 2)
-    cell = high - low + max(GAP * float((high - low).max()), LEAST_GAP)
-    columns = max(1, round(math.sqrt(1.6 * len(of) * cell[1] / cell[0])))  # about as wide as a screen
-    width, height = 100.0 * cell * [min(columns, len(of)), math.ceil(len(of) / columns)]
-    gap = 100.0 * float((cell - high + low).min())
-
-    def placed(level: int, points: FloatArray) -> FloatArray:
-        """Return points [m] of a level as they are drawn [cm], y downwards."""
-        row, column = divmod(storey_of[level], columns)
-        at = points - [low[0], high[1]] + cell * [column, -row]
-        drawn: FloatArray = np.rint(at * [100.0, -100.0])
-        return drawn
-
-    parts = [_floor(building, level, placed) for level in range(len(building.levels))]
-    for storey, (name, _) in enumerate(of):
-        x, y = 100.0 * cell * divmod(storey, columns)[::-1] - [0.0, 0.2 * gap]
-        size, text = min(0.7 * gap, width / 40.0), html.escape(name[:MOST_LETTERS])
-        parts.append(f'<text x="{x:.0f}" y="{y:.0f}" font-size="{size:.0f}">{text}</text>')
-    for exit_ in building.exits:
-        ends = placed(exit_.level, exit_.segments.reshape(-1, 2)).reshape(-1, 4)
-        parts.append(f'<path class="exit" d="{"".join(f"M{a:.0f} {b:.0f}L{c:.0f} {d:.0f}" for a, b, c, d in ends)}"/>')
-    person, level, position = motion.first_state()
-    dot = max(PERSON, width / 200.0)  # seen on a narrow screen, too
+    gap = 0.1 * float((high - low).max()) + 1.0
+    cell = high - low + gap
+    columns = max(1, round(math.sqrt(1.6 * len(building.storeys) * cell[1] / cell[0])))  # about as wide as a screen
+    width, height = cell * [min(columns, len(building.storeys)), math.ceil(len(building.storeys) / columns)]
+    person, on, position = motion.first_state()
     every = math.ceil(max(len(person), 1) / MOST_PEOPLE)
     colours = palette.group_colours(int(group.max(initial=-1)) + 1)
-    for number in np.unique(group[person]):
-        rows = np.flatnonzero(group[person] == number)[::every]
-        at = [placed(int(level[row]), position[row]) for row in rows]
-        dots = "".join(f"M{x:.0f} {y:.0f}h0" for x, y in at)
-        parts.append(f'<path class="people" stroke="{colours[number]}" stroke-width="{dot:.0f}" d="{dots}"/>')
+    parts = []
+    for number, (name, levels) in enumerate(building.storeys):
+        x, y = cell * divmod(number, columns)[::-1]
+        rows = [level.index for level in levels]
+        size = min(0.6 * gap, width / 40.0)
+        parts.append(f'<text x="{x:.2f}" y="{y - 0.2 * gap:.2f}" font-size="{size:.2f}">{html.escape(name)}</text>')
+        parts.append(f'<g transform="translate({x - low[0]:.2f} {y + high[1]:.2f}) scale(1 -1)">')
+        for level in levels:
+            floor = shapely.set_precision(level.polygon.simplify(TOLERANCE), GRAIN)
+            parts.append(floor.svg(0.001 * width, palette.LEVELS[level.kind], 1.0))
+        for exit_ in building.exits:
+            if exit_.level in rows:
+                ends = "".join(f"M{a:.2f} {b:.2f}L{c:.2f} {d:.2f}" for a, b, c, d in exit_.segments)
+                parts.append(f'<path class="exit" d="{ends}"/>')
+        here = np.flatnonzero(np.isin(on, rows))[::every]
+        for own in np.unique(group[person[here]]):
+            dots = "".join(f"M{a:.2f} {b:.2f}h0" for a, b in position[here[group[person[here]] == own]])
+            style = f'class="people" stroke="{colours[own]}" stroke-width="{width / 200.0:.2f}"'
+            parts.append(f'<path {style} d="{dots}"/>')
+        parts.append("</g>")
     label = "All storeys in plan, from the lowest, with the people at the start"
-    box = f"-50 {-gap:.0f} {width:.0f} {height:.0f}"
+    box = f"-0.5 {-gap:.2f} {width:.2f} {height + 0.5:.2f}"
     return f'<svg viewBox="{box}" role="img" aria-label="{label}">{"".join(parts)}</svg><p>{label}</p>'
-
-
-def _floor(building: Building, index: int, placed: Callable[[int, FloatArray], FloatArray]) -> str:
-    level = building.levels[index]
-    parts = shapely.get_parts(level.polygon.simplify(TOLERANCE))
-    rings = [ring for part in parts for ring in (part.exterior, *part.interiors)]
-    outlines = (placed(index, np.array(ring.coords)[:-1]) for ring in rings)
-    path = "".join(f"M{'L'.join(f'{x:.0f} {y:.0f}' for x, y in outline)}z" for outline in outlines)
-    return f'<path class="{level.kind}" d="{path}"/>'
 
 
 def _show(queue: Queue | None) -> str:
