@@ -3,7 +3,6 @@
 import argparse
 import math
 import tomllib
-from collections.abc import Sequence
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,9 +14,6 @@ from evac.contract.hooks import BASES
 
 if TYPE_CHECKING:
     from evac.importing import Imported
-
-#: Number of kinds of elements of a file that are listed on the screen.
-MOST_PARTS = 5
 
 
 def declare_list(parser: argparse.ArgumentParser) -> None:
@@ -150,17 +146,11 @@ def _numbers(what: str, text: str, whole: bool = False) -> list[float]:
     raise ScenarioError(f"{what} {text}: give {'whole ' if whole else ''}numbers separated by commas, such as 1,3")
 
 
-def _several(parts: Sequence[str]) -> str:
-    """Return some parts of a line, of which only the first are written."""
-    others = [f"{len(parts) - MOST_PARTS} more in report.md"] if len(parts) > MOST_PARTS else []
-    return "; ".join([*parts[:MOST_PARTS], *others]) or "none"
-
-
 def _show(made: "Imported") -> None:
     """Show what is missing, a summary, the openings if there is no exit, the warnings, and the next command."""
     from collections import Counter
 
-    from evac.building.model.findings import KINDS, account, and_more, grouped
+    from evac.building.model.findings import KINDS, and_more, grouped
     from evac.cli.screen import say, show_facts, show_table, show_warnings
     from evac.importing.documents import MOST_OPENINGS, opening_row
     from evac.importing.importing import PICTURE, PLAN, REPORT
@@ -170,7 +160,6 @@ def _show(made: "Imported") -> None:
     named = {own[0].name.partition(" z=")[0] for own in floors}  # a storey of two heights has two floors
     area = sum(level.polygon.area for own in floors for level in own)
     full = [room.number for room in made.rooms if room.number]
-    elements = account(made.findings)
     count = Counter(finding.kind for finding in made.findings)
     for missing in made.missing:
         say(f"incomplete: {missing}")
@@ -181,8 +170,6 @@ def _show(made: "Imported") -> None:
             "stairs": ", ".join(building.stairs) or "none",
             "exits": ", ".join(way.name for way in building.exits) or "none",
             "people": f"{sum(full)} in {counted(len(full), 'room')}",
-            "read": _several([f"{read} {kind}" for kind, read, _, _ in elements if read]),
-            "left out": _several([f"{number} {kind}" for kind, _, number, _ in elements if number]),
             "findings": ", ".join(f"{count[kind]} {kind}" for kind in KINDS if count[kind]) or "none",
             **({"case": made.folder} if made.is_accepted else {}),
             "picture": made.folder / PICTURE,

@@ -15,7 +15,7 @@ from evac.cli.inputs import (
     declare_plugin,
     default_folder,
 )
-from evac.cli.screen import STYLES, height, note, notify, say, show_facts, show_table, show_warnings, wrapped
+from evac.cli.screen import STYLES, note, notify, say, show_facts, show_table, show_warnings, wrapped
 from evac.folder.files import ANIMATION_NAME, CHECKPOINT_NAME, REPLAY_NAME
 
 if TYPE_CHECKING:
@@ -170,9 +170,8 @@ def show_run(results: "Results", verbose: bool) -> None:
         for line in results.remarks:
             note(f"evac: {line}")
         show_warnings(results.quality_warnings)
-    folder_shown = folder_line(results.folder)
-    show_answer(results, height(folder_shown))
-    say(folder_shown)
+    show_answer(results)
+    say(folder_line(results.folder))
     if results.ended == INTERRUPTED:
         folder = str(results.folder).removesuffix(".running")
         beside = "" if folder == str(results.folder) else f"; the earlier results stay in {folder}"
@@ -180,9 +179,6 @@ def show_run(results: "Results", verbose: bool) -> None:
         how = f"; continue with: evac resume {folder}" if has_state else "; no state was saved, it cannot be resumed"
         note(f"evac: interrupted at {results.time:.2f} s{beside}{how}")
 
-
-#: Maximum number of lines that the answer takes on a terminal, with the line of the result folder.
-MOST_LINES = 12
 
 #: Maximum number of listed people without progress; summary.json has all of them.
 MOST_LISTED = 20
@@ -196,29 +192,18 @@ CUTS = {
 }
 
 
-def show_answer(results: "Results", below: int = 1) -> None:
-    """Show what the run answers; on a terminal in `MOST_LINES` with as many as are shown `below`.
-
-    What is cut first, to a line and then to nothing, are the title and how people move, then exits, changes and
-    remarks, and the queue; the verdict, who is out and the times never are.
-    """
+def show_answer(results: "Results") -> None:
+    """Show what the run answers; on a terminal, the verdict, who is out and the times in full, of the others a line."""
     answer, title = results.answer, results.title or Path(results.source).name
+    say(answer.verdict, style=STYLES[results.verdict["status"]])
+    say(title, 1, "bold")
+    say(answer.outcome, style="bold")
     changes = f"Changes: {', '.join(map(str, results.changes))}" if results.changes else ""
-    notes = [changes, *answer.remarks, answer.queue]
-    lines = [answer.verdict, title, answer.outcome, answer.times, *answer.exits, *notes, answer.movement]
-    lines.append(f"{answer.warnings}; --verbose shows all" if answer.warnings else "")
-    heights = [height(line) for line in lines]
-    heights[1] = 1
-    first = 4 + len(answer.exits)
-    of_notes = range(first, first + len(notes))
-    movement, last = len(lines) - 2, len(lines) - 1
-    for least, rows in ((1, (movement, *range(first - 1, 3, -1), *of_notes, last)), (0, (movement, *of_notes, 1))):
-        for row in rows:
-            heights[row] -= max(0, min(heights[row] - least, sum(heights) + below - MOST_LINES))
-    styles = [STYLES[results.verdict["status"]], "bold", "bold"]
-    for row, (line, most) in enumerate(zip(lines, heights, strict=True)):
-        if most:
-            say(line, most, styles[row] if row < len(styles) else "")
+    warnings = f"{answer.warnings}; --verbose shows all" if answer.warnings else ""
+    others = [*answer.exits, changes, *answer.remarks, answer.queue, answer.movement, warnings]
+    for line, lines in ((answer.times, None), *((line, 1) for line in others)):
+        if line:
+            say(line, lines)
 
 
 def show_results(results: "Results") -> None:

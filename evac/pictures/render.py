@@ -75,10 +75,10 @@ class Smoke:
 PICTURES = (".png", ".jpg", ".jpeg")
 FILMS = (".gif", ".mp4")
 
-#: Bounds of pictures [pixels]: of a side, of a picture, of a person's radius.
-LEAST_SIDE, MOST_SIDE, MOST_PIXELS, MOST_RADIUS = 64, 8_000, 12_000_000, 400
-#: Bounds of films: pictures per second, and in all.
-LEAST_FPS, MOST_FPS, MOST_PICTURES = 0.01, 1_000.0, 100_000
+#: Bounds of the sides of pictures, and of a person's radius [pixels].
+LEAST_SIDE, MOST_SIDE, MOST_RADIUS = 64, 4_000, 400
+#: Greatest number of pictures of a film.
+MOST_PICTURES = 100_000
 
 #: Views of a building.
 VIEWS = ("3d", "plan")
@@ -121,7 +121,8 @@ class Renderer:
             raise ResultError(f"{trajectory.path}: no frame to draw; the run ended before its first output")
         if view not in VIEWS:
             raise ResultError(f"unknown view {view!r}; use {' or '.join(VIEWS)}")
-        _check_size(size)
+        if not LEAST_SIDE <= min(size) <= max(size) <= MOST_SIDE:
+            raise ResultError(f"size: {size[0]} x {size[1]}; use {LEAST_SIDE} to {MOST_SIDE:,} pixels each")
         self.trajectory = trajectory
         self._colouring = colouring(trajectory, colour_by, service)
         self._smoke = Smoke(trajectory) if SMOKE in [field.name for field in trajectory.level_fields] else None
@@ -214,17 +215,6 @@ class Renderer:
         return picture
 
 
-def _check_size(size: tuple[int, int]) -> None:
-    width, height = size
-    if min(size) < LEAST_SIDE:
-        raise ResultError(f"size: {width} x {height} pixels is too small; use at least {LEAST_SIDE} x {LEAST_SIDE}")
-    if max(size) > MOST_SIDE or width * height > MOST_PIXELS:
-        raise ResultError(
-            f"size: {width} x {height} pixels is too large; use at most {MOST_SIDE:,} on a side and "
-            f"{MOST_PIXELS / 1e6:g} million in all"
-        )
-
-
 def render_picture(renderer: Renderer, path: Path, time: float | None = None) -> None:
     """Draw the frame nearest to `time` [s], by default the one in the middle of the run, to a PNG or JPEG file."""
     trajectory = renderer.trajectory
@@ -268,16 +258,11 @@ def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: f
 
 def number_of_pictures(trajectory: Trajectory, fps: float, speed: float) -> int:
     """Return the number of pictures of a film of a whole run."""
-    if not LEAST_FPS <= fps <= MOST_FPS:
-        raise ResultError(f"fps: must be between {LEAST_FPS:g} and {MOST_FPS:,g} pictures per second, got {fps:g}")
-    if not 0.0 < speed < math.inf:
-        raise ResultError(f"speed: must be greater than 0, got {speed:g}")
+    if not (0.0 < fps < math.inf and 0.0 < speed < math.inf):
+        raise ResultError(f"fps and speed must be greater than 0, got {fps:g} and {speed:g}")
     pictures = 1.0 + float(trajectory.time[-1]) * fps / speed if len(trajectory) else 0.0
     if pictures > MOST_PICTURES:
-        raise ResultError(
-            f"speed: {speed:g} at {fps:g} pictures per second needs {pictures:.3g} pictures, more than "
-            f"{MOST_PICTURES:,}; raise speed, or reduce fps"
-        )
+        raise ResultError(f"{pictures:.3g} pictures are too many for a film; raise speed, or reduce fps")
     return math.ceil(pictures)
 
 

@@ -56,7 +56,6 @@ AZIMUTH = (
 )  # from the side of low y and a little from the right: what is left in plan is left in the picture [degrees]
 ELEVATION_FLAT, ELEVATION = 58.0, 36.0  # angle above the horizontal for one storey, for several [degrees]
 CLEARANCE = 0.9  # share of a storey that is visible below the one above
-MOST_FACTOR = 100.0  # of stretch and zoom
 
 
 @dataclass(frozen=True)
@@ -75,17 +74,10 @@ class Camera:
     zoom: float = 1.0
 
     def __post_init__(self) -> None:
-        if not math.isfinite(self.azimuth):
-            raise ResultError(f"azimuth: must be a finite number of degrees, got {self.azimuth:g}")
-        if self.elevation is not None and not 0.0 < self.elevation < 90.0:
-            raise ResultError(
-                f"elevation: must be greater than 0 and less than 90 degrees, got {self.elevation:g}; for a view from "
-                "above use the plan view"
-            )
-        for name, value in (("stretch", self.stretch), ("zoom", self.zoom)):
-            if value is not None and not 1.0 / MOST_FACTOR <= value <= MOST_FACTOR:
-                bounds = f"between {1.0 / MOST_FACTOR:g} and {MOST_FACTOR:g}"
-                raise ResultError(f"{name}: the factor must be {bounds}, got {value:g}; 1 draws true sizes")
+        if not (math.isfinite(self.azimuth) and (self.elevation is None or 0.0 < self.elevation < 90.0)):
+            raise ResultError("elevation: must be between 0 and 90 degrees; the plan view is from above")
+        if any(value is not None and not 0.01 <= value <= 100.0 for value in (self.stretch, self.zoom)):
+            raise ResultError("stretch and zoom: the factors must be between 0.01 and 100; 1 draws true sizes")
 
 
 @dataclass(frozen=True)

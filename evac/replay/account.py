@@ -17,7 +17,7 @@ from evac.base.distributions import as_text
 from evac.folder.files import PEOPLE_NAME, SUMMARY_NAME
 from evac.pictures import palette
 from evac.replay.motion import GRAIN, MotionPacker
-from evac.results.ending import DURATION_OVER, FAILED, INTERRUPTED, NO_PROGRESS
+from evac.results.ending import FAILED, INTERRUPTED
 from evac.results.reading import results_beside
 from evac.results.results import Results
 from evac.results.verdict import LeastMargin, Verdict, least_margins
@@ -36,7 +36,7 @@ class Account:
     facts: Sequence[tuple[str, str]]  # names and values, in order
     warnings: Sequence[str]
     quality_warnings: Sequence[str]
-    banner: tuple[str, str] | None  # "error" or "notice", and a text, for runs that did not end with everybody out
+    banner: str  # of a run that was killed, failed or was interrupted
     groups: Sequence[str]
     group: IntArray  # index in `groups` of each person, -1 for none
     radius: FloatArray  # [m]
@@ -86,7 +86,7 @@ def account_of_folder(trajectory: Trajectory) -> Account:
             f"The run was killed or has not ended: the recorded states end at t = {trajectory.time[-1]:g} s. "
             "Exit times are rounded to recorded states."
         )
-        return Account(str(header.get("title", "")), (), facts, (), (), ("error", text), **known)
+        return Account(str(header.get("title", "")), (), facts, (), (), text, **known)
     if (folder / PEOPLE_NAME).exists():
         return account_of_run(results_beside(trajectory, folder))
     return Account(answer=(), **_of_summary(results_beside(trajectory, folder, with_people=False), None), **known)
@@ -126,18 +126,12 @@ def _of_summary(results: Results, error: BaseException | None) -> dict[str, Any]
     }
 
 
-def _banner(ended: str, time: float, left: int, people: int, error: BaseException | None) -> tuple[str, str] | None:
-    inside = f"{left} of {people} people were still inside."
-    if ended == FAILED:
-        why = f" ({error})" if error else ""
-        return "error", f"This run failed at t = {time:.2f} s{why}. Until then, {people - left} of {people} got out."
-    if ended == INTERRUPTED:
-        return "error", f"This run was interrupted at t = {time:.2f} s, when {inside}"
-    if ended == NO_PROGRESS:
-        return "notice", f"The run ended at t = {time:.2f} s because nobody made progress: {inside}"
-    if ended == DURATION_OVER:
-        return "notice", f"The duration of the run was over at t = {time:.2f} s: {inside}"
-    return None
+def _banner(ended: str, time: float, left: int, people: int, error: BaseException | None) -> str:
+    """Return what opens the page of a run that failed or was interrupted."""
+    if ended not in (FAILED, INTERRUPTED):
+        return ""
+    why = f" ({error})" if error else ""
+    return f"This run {ended} at t = {time:.2f} s{why}, with {left} of {people} people inside."
 
 
 def _plugins(tables: Mapping[str, Any]) -> str:
@@ -164,7 +158,6 @@ MOST_PEOPLE = 1500
 
 def texts(account: Account) -> dict[str, str]:
     """Return the parts of the page that tell about the run, as HTML, by their places in the template."""
-    kind, banner = account.banner or ("", "")
     goes = {line: account.longest for line in account.answer if account.longest and str(account.longest) in line}
     facts = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>" for name, value in account.facts)
     warnings = _list("Quality warnings", account.quality_warnings)
@@ -173,7 +166,7 @@ def texts(account: Account) -> dict[str, str]:
         verdict = f'<p class="{judged["status"]}">{html.escape(judged["text"])}</p>'
     warnings += _list("Warnings about building and people", account.warnings)
     return {
-        "banner": f'<p id="banner" class="{kind}" role="alert"{"" if banner else " hidden"}>{html.escape(banner)}</p>',
+        "banner": f'<p id="banner" role="alert"{"" if account.banner else " hidden"}>{html.escape(account.banner)}</p>',
         "answer": verdict + "".join(f"<p>{html.escape(line)}{_show(goes.get(line))}</p>" for line in account.answer),
         "facts": facts,
         "warnings": warnings or "<h3>No warnings</h3>",

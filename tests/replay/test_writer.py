@@ -51,16 +51,8 @@ def test_tables_of_another_run_are_refused_by_name(descent, name, text):
         replay_trajectory(read_trajectory(path), path.with_name("replay.html"))
 
 
-@pytest.mark.parametrize(
-    ("ended", "kind", "words"),
-    [
-        ("failed", "error", "failed at t = 20.00 s. Until then, 2 of 5 got out"),
-        ("interrupted", "error", "interrupted at t = 20.00 s, when 3 of 5 people were still inside"),
-        ("no progress", "notice", "ended at t = 20.00 s because nobody made progress: 3 of 5"),
-        ("duration over", "notice", "was over at t = 20.00 s: 3 of 5"),
-    ],
-)
-def test_a_run_that_did_not_end_well_has_a_banner_with_who_is_inside(make_results, ended, kind, words):
+@pytest.mark.parametrize("ended", ["failed", "interrupted", "no progress"])
+def test_a_run_that_did_not_end_by_itself_has_a_banner_with_who_is_inside(make_results, ended):
     banner = account_of_run(make_results(ended=ended)).banner
-    assert banner[0] == kind
-    assert words in banner[1]
+    said = f"This run {ended} at t = 20.00 s, with 3 of 5 people inside."
+    assert banner == ("" if ended == "no progress" else said)
