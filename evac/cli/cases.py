@@ -3,7 +3,6 @@
 import argparse
 import math
 import tomllib
-from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -54,19 +53,10 @@ def _declare_basis(parser: argparse.ArgumentParser) -> None:
 
 def execute_new(arguments: argparse.Namespace) -> int:
     """Write an example case with comments, a building of two storeys that can be run and changed."""
-    from evac.importing.documents import with_basis
+    from evac.importing.documents import write_example
 
     folder: Path = arguments.folder
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ScenarioError(f"{folder}: exists and is not empty; choose a new folder")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with as_file(files("evac.cli") / "example") as example:
-            for path in example.iterdir():
-                text = with_basis(path.read_text(encoding="utf-8"), arguments.basis)
-                (folder / path.name).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ScenarioError(f"{folder}: cannot be written: {error.strerror}; choose another folder") from error
+    write_example(folder, arguments.basis)
     print(f"{folder / 'case.toml'} and house.plan.toml written; next: evac run {folder}")
     return 0
 

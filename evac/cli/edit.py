@@ -10,13 +10,14 @@ from evac.cli.screen import note, say, show_facts
 def declare_edit(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac edit`."""
     what = "a case.toml, a folder that contains one, or a plan file (.plan.toml)"
-    parser.add_argument("case", metavar="CASE|PLAN", type=Path, help=what)
+    what += "; without it, the page asks what to begin with, and makes a case in the current folder"
+    parser.add_argument("case", metavar="CASE|PLAN", type=Path, nargs="?", help=what)
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder of runs (default: ./CASE-result)")
     parser.add_argument("--no-browser", action="store_true", help="print the address of the page, and open no browser")
 
 
 def execute_edit(arguments: argparse.Namespace) -> int:
-    """Draw a plan in the browser, storey by storey, and see what evac check says while drawing.
+    """Draw a plan in the browser, storey by storey, choose its people, see what evac check says, and run it.
 
     The page is served on this machine alone, at an address that nobody else knows. Saving changes only the touched
     lines of the file; comments stay. What is not saved is kept in a journal beside the file (.unsaved), and found again
@@ -24,11 +25,12 @@ def execute_edit(arguments: argparse.Namespace) -> int:
     """
     from evac.editor import Server, Session
 
-    with Server(Session(arguments.case, arguments.out)) as server:
-        show_facts({"plan": server.session.file, "address": server.address})
+    session = None if arguments.case is None else Session(arguments.case, arguments.out)
+    with Server(session) as server:
+        show_facts({**({} if session is None else {"plan": session.file}), "address": server.address})
         note("Ctrl-C ends; so does closing the page, after some time")
         with suppress(KeyboardInterrupt):
             server.serve(not arguments.no_browser)
-    if server.session.journal.exists():
+    if server.session is not None and server.session.journal.exists():
         say(f"not saved, kept for the next time: {server.session.journal}")
     return 0

@@ -48,8 +48,9 @@ def judge(
             plan_of(table, file, file.parent, "building.plan." if file == case_file else ""), registry
         ).surface()
         building = build_building(surface, file, options, need_exit=False)
-        told += building.findings
-        _check_use(building, case)
+        told += [*building.findings, *check_exits(building)]
+        if case is not None:
+            check_people(case, with_places(case, building))
     except EvacError as error:
         found = error.findings if isinstance(error, BuildingError) else ()
         told += found or _told(error, file)
@@ -62,13 +63,6 @@ def judge(
         "building": None if building is None else _drawn(building),
         "seconds": round(time.perf_counter() - start, 3),
     }
-
-
-def _check_use(building: Building, case: "Case | None") -> None:
-    """Check that a building has exits, and what a case says of it."""
-    check_exits(building)
-    if case is not None:
-        check_people(case, with_places(case, building))
 
 
 def _told(error: EvacError, source: Path | None) -> tuple[Finding, ...]:

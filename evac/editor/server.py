@@ -1,5 +1,6 @@
 """The server of the page: on the loopback address alone, for who has its address, and for nothing but the editor."""
 
+import base64
 import json
 import queue
 import secrets
@@ -14,7 +15,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from evac.base.errors import EvacError
+from evac.base.errors import EvacError, ScenarioError
+from evac.editor.beginning import begin
 from evac.editor.session import ChangedOnDiskError, Request, Session
 from evac.replay.writer import PAGE as REPLAY
 
@@ -46,11 +48,14 @@ BEAT, IDLE = 5.0, 120.0
 
 
 class Server(ThreadingHTTPServer):
-    """The page of a session at a random port, with a token in its address; a context that ends it."""
+    """The page of a session at a random port, with a token in its address; a context that ends it.
+
+    Without a session, the page asks for a case to begin with, which is made in the current folder.
+    """
 
     daemon_threads = True
 
-    def __init__(self, session: Session, idle: float = IDLE) -> None:
+    def __init__(self, session: Session | None, idle: float = IDLE) -> None:
         super().__init__(("127.0.0.1", 0), _Handler)
         self.session, self.idle = session, idle
         self.host = f"127.0.0.1:{self.server_port}"
@@ -88,13 +93,15 @@ class Server(ThreadingHTTPServer):
     def server_close(self) -> None:
         """End the session as well."""
         super().server_close()
-        self.session.close()
+        if self.session is not None:
+            self.session.close()
 
     def _end_when_idle(self) -> None:
         last = time.monotonic()
         while time.monotonic() - last < self.idle:
             time.sleep(min(1.0, self.idle / 4))
-            last = time.monotonic() if self.session.listeners else last
+            is_used = self.session is None or self.session.listeners
+            last = time.monotonic() if is_used else last
         self.shutdown()
 
 
@@ -112,15 +119,15 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Send a file of the page, the plan, or events."""
-        name = self._allowed_name()
+        name, session = self._allowed_name(), self.server.session
         if name == "document":
-            self._answer(self.server.session.document)
-        elif name == "forms":
-            self._answer(self.server.session.forms)
-        elif name == "events" and self.command == "GET":
-            self._send_events()
-        elif name is not None and name.startswith("result/") and self.server.session.runner is not None:
-            self._send_result(self.server.session.runner.file(name.removeprefix("result/")))
+            self._answer(session.document if session is not None else lambda: {"begin": True})
+        elif name == "forms" and session is not None:
+            self._answer(session.forms)
+        elif name == "events" and self.command == "GET" and session is not None:
+            self._send_events(session)
+        elif name is not None and name.startswith("result/") and session is not None and session.runner is not None:
+            self._send_result(session.runner.file(name.removeprefix("result/")))
         elif name is not None and (name or "page.html") in self.server.files:
             name = name or "page.html"
             self._send(200, TYPES[name.rpartition(".")[2]], self.server.files[name])
@@ -144,7 +151,13 @@ class _Handler(BaseHTTPRequestHandler):
         session = self.server.session
         try:
             given = json.loads(content)
-            if name == "check":
+            if session is None and name == "begin":
+                folder, file = Path(str(given["folder"])), base64.b64decode(given.get("content", ""))
+                arguments = folder, str(given["what"]), str(given.get("name", "")), file
+                self._answer(lambda: self._begun(*arguments))
+            elif session is None:
+                self._refuse(404, "nothing is edited yet")
+            elif name == "check":
                 request = Request(str(given["page"]), int(given["revision"]), dict(given["table"]))
                 self._answer(lambda: session.check(request))
             elif name == "save":
@@ -159,6 +172,13 @@ class _Handler(BaseHTTPRequestHandler):
                 self._refuse(404, "there is no such page")
         except (ValueError, KeyError, TypeError, RecursionError):
             self._refuse(400, "this is not what the page sends")
+
+    def _begun(self, folder: Path, what: str, name: str, content: bytes) -> dict[str, Any]:
+        if len(folder.parts) != 1 or folder.name in ("", ".."):
+            raise ScenarioError(f"{folder}: give the name of a new folder in {Path.cwd()}")
+        told = begin(folder, what, name, content)
+        self.server.session = Session(folder)
+        return {"told": told, "folder": str(folder.absolute())}
 
     def _allowed_name(self) -> str | None:
         """Return the name of what is asked for, if this is asked by the page; else refuse."""
@@ -198,11 +218,11 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(code, TYPES["json"], json.dumps(data, allow_nan=False).encode())
 
     def _send(self, code: int, kind: str, content: bytes, more: Mapping[str, str] | None = None) -> None:
-        self._begin(code, kind, {"Content-Length": str(len(content)), **(more or {})})
+        self._head(code, kind, {"Content-Length": str(len(content)), **(more or {})})
         if self.command != "HEAD":
             self.wfile.write(content)
 
-    def _begin(self, code: int, kind: str, more: dict[str, str]) -> None:
+    def _head(self, code: int, kind: str, more: dict[str, str]) -> None:
         self.send_response(code)
         for name, value in ({"Content-Type": f"{kind}; charset=utf-8"} | HEADERS | more).items():
             self.send_header(name, value)
@@ -210,14 +230,14 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_header("Connection", "close")
         self.end_headers()
 
-    def _send_events(self) -> None:
+    def _send_events(self, session: Session) -> None:
         """Send what is told to the pages, until this one is closed."""
-        session, told = self.server.session, queue.Queue[tuple[str, Any]]()
+        told = queue.Queue[tuple[str, Any]]()
         self.close_connection = True
         session.listeners.append(told)
         told.put(("run", session.run))
         try:
-            self._begin(200, "text/event-stream", {})
+            self._head(200, "text/event-stream", {})
             while not session.is_over.is_set():
                 try:
                     event, data = told.get(timeout=BEAT)

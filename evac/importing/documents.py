@@ -1,9 +1,12 @@
-"""The files that an import writes for its reader: case.toml, the plan of the building, and report.md."""
+"""The files that an import writes for its reader: case.toml, the plan of the building, and report.md; the example."""
 
 import math
 from collections.abc import Mapping, Sequence
+from importlib.resources import as_file, files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from evac.base.errors import ScenarioError
 from evac.base.toml import toml_lines, toml_value
 from evac.building.model.findings import KINDS, account, grouped, repaired
 from evac.contract.hooks import BASES, DEFAULT_MOVEMENT
@@ -52,6 +55,26 @@ def with_basis(text: str, basis: str) -> str:
     """Return the text of a case with the basis of how people walk, and its meaning."""
     table = f"[behaviours.{DEFAULT_MOVEMENT}]\n"
     return text.replace(table, f"{table}preset = {toml_value(basis)}  # {BASES[basis]}\n")
+
+
+def write_example(folder: Path, basis: str = "measured") -> None:
+    """Write the example case, a building of two storeys, to a new or empty folder.
+
+    Raises
+    ------
+    ScenarioError
+        The folder is not empty, or cannot be written.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ScenarioError(f"{folder}: exists and is not empty; choose a new folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with as_file(files("evac.importing") / "example") as example:
+            for path in example.iterdir():
+                text = with_basis(path.read_text(encoding="utf-8"), basis)
+                (folder / path.name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ScenarioError(f"{folder}: cannot be written: {error.strerror}; choose another folder") from error
 
 
 def case_text(

@@ -20,7 +20,7 @@ CASES = sorted(REGISTRY.cases)
 
 #: Cases with other keys than those of the others.
 MIXED = ("classroom", "office_fire", "square_room")
-EXAMPLE = files("evac.cli") / "example" / "house.plan.toml"
+EXAMPLE = files("evac.importing") / "example" / "house.plan.toml"
 
 #: Values of other types.
 WRONG = ({"nonsense": 1}, [[[]]], True, "nonsense")

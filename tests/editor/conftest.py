@@ -30,11 +30,11 @@ def fire(tmp_path):
 
 @pytest.fixture
 def serve():
-    """A function that serves a plan."""
+    """A function that serves a plan, or what asks for one."""
     servers = []
 
     def serving(path, **options):
-        server = Server(Session(path), **options)
+        server = Server(path and Session(path), **options)
         threading.Thread(target=server.serve, args=(False,), daemon=True).start()
         servers.append(server)
         return server

@@ -33,9 +33,12 @@ class Page:
         browser.resize(width, height)
         self.open(server.address)
 
-    def open(self, address):
+    def close(self):
         self.run("window.editor && void (editor.store.saved = editor.store.now.content)")  # else the browser asks
         self.browser.send("Page.navigate", {"url": "about:blank"})
+
+    def open(self, address):
+        self.close()
         self.browser.errors, self.browser.requests = [], []
         self.browser.send("Page.navigate", {"url": address})
         self.browser.wait("window.editor && document.getElementById('verdict').dataset.revision", 120)
@@ -126,6 +129,7 @@ def page(browser, server, house):
     server.session.journal.unlink(missing_ok=True)
     page = Page(browser, server)
     yield page
+    page.close()  # before the journal of the next one is taken away
     assert browser.errors == []
     assert all(url.startswith(("http://127.0.0.1:", "data:", "about:")) for url in browser.requests)
 
@@ -133,6 +137,28 @@ def page(browser, server, house):
 def git(folder, *words):
     words = ["git", "-c", "user.name=a", "-c", "user.email=a@b.c", *words]
     return subprocess.run(words, cwd=folder, check=True, capture_output=True, text=True).stdout
+
+
+def test_a_building_is_drawn_from_nothing(page, serve, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page.server = serve(None)
+    page.browser.send("Page.navigate", {"url": page.server.address})
+    page.browser.wait("document.getElementById('begin').open")
+    page.run("document.getElementById('begin-folder').value = 'hut'")
+    page.run("document.getElementById('begin-button').click()")
+    page.browser.wait("document.getElementById('verdict').dataset.revision", 120)
+    assert page.text("#verdict") == "Cannot be run: 1 error"
+    page.keys("r")
+    page.drag((0, 0), (12, 8))
+    page.judged()
+    assert "the building has no exit" in page.text("#findings")
+    page.keys("e")
+    page.click((0, 4))
+    page.judged()
+    assert page.text("#verdict") == "Can be run"
+    saved = page.saved()
+    assert sorted(saved["exits"][0]["segment"]) == [[0, 3.4], [0, 4.6]]
+    assert (tmp_path / "hut/case.toml").is_file()
 
 
 def test_a_wall_is_moved_with_its_door_and_only_its_lines_change(page):

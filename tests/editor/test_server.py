@@ -109,6 +109,22 @@ def test_the_token_is_needed_and_is_another_at_each_start(server, house, serve):
     assert ask(again, "document")[0] == 200
 
 
+def test_nothing_is_edited_before_it_was_chosen(serve, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    server = serve(None)
+    assert document(server) == {"begin": True}
+    for name in ("forms", "events", "result/replay.html"):
+        assert ask(server, name)[0] == 404
+    assert ask(server, "save", "POST", {"table": {}, "digest": ""})[0] == 404
+    for folder in ("..", "", "a/b", str(tmp_path / "c")):
+        assert ask(server, "begin", "POST", {"folder": folder, "what": "empty"})[0] == 422
+    assert ask(server, "begin", "POST", {"folder": "d", "what": "empty"}, Origin=None)[0] == 403
+    assert [*tmp_path.iterdir()] == []
+    assert ask(server, "begin", "POST", {"folder": "d", "what": "empty"})[0] == 200
+    assert document(server)["file"] == "building.plan.toml"
+    assert ask(server, "begin", "POST", {"folder": "e", "what": "empty"})[0] == 404
+
+
 def test_it_ends_when_no_page_is_open(house):
     with Server(Session(house), idle=0.1) as server:
         server.serve(is_shown=False)

@@ -34,7 +34,9 @@ async function ask(name, body) {
 }
 
 async function start() {
-  const opened = await ask("document"), isCase = Boolean(opened.table.case), declared = isCase ? await ask("forms") : null;
+  const opened = await ask("document");
+  if (opened.begin) return begin();
+  const isCase = Boolean(opened.table.case), declared = isCase ? await ask("forms") : null;
   const store = new Store(opened.table, changed), view = new PlanView(by("view"), store), view3d = new View3D(by("view3d"));
   let { digest } = opened, onDisk = digest, isAsked = false, isStale = false;
   view.storey = store.now.storeys[0]?.name ?? "";
@@ -296,8 +298,10 @@ async function start() {
   window.editor = { store, view, view3d, tools, act, running };
 }
 
-start().catch((error) => {
+function failed(error) {
   by("banner").hidden = false;
   by("banner").className = "error";
   by("banner-text").textContent = error.message;
-});
+}
+
+start().catch(failed);

@@ -1,0 +1,54 @@
+"""New cases to edit: an empty storey, the example, or the building of a file."""
+
+import tempfile
+import tomllib
+from pathlib import Path
+
+from evac.base.errors import ScenarioError
+from evac.editor.patching import patched
+from evac.importing import import_building
+from evac.importing.documents import write_example
+from evac.importing.importing import PLAN
+
+EMPTY = """# Drawn with evac edit. Lengths are in metres.
+
+[[storeys]]
+name = "ground"
+z = 0.0
+"""
+
+
+def begin(folder: Path, what: str, name: str = "", content: bytes = b"") -> list[str]:
+    """Write a case to a new folder, and return what is to be told of it.
+
+    `what`: empty, example, or file, whose `name` and `content` are given.
+
+    Raises
+    ------
+    EvacError
+        The folder is not empty, or the file is not read, or its building is no plan.
+    """
+    if what != "file":
+        write_example(folder)
+        if what == "empty":
+            _clear(folder / "case.toml", folder / "house.plan.toml")
+        return []
+    with tempfile.TemporaryDirectory() as place:
+        source = Path(place) / Path(name).name
+        source.write_bytes(content)
+        made = import_building([source], folder, partial=True)
+    if not (folder / PLAN).exists():
+        text = "its floors are not level, so that it cannot be drawn on; it can be run"
+        raise ScenarioError(f"{source.name}: {text}: `evac run {folder}`")
+    told = [f"incomplete: {missing}" for missing in made.missing]
+    return told + [str(one) for one in made.findings if one.kind in ("warning", "left out")]
+
+
+def _clear(case_file: Path, plan_file: Path) -> None:
+    """Take away what the example has of a building."""
+    text = case_file.read_text(encoding="utf-8")
+    case = tomllib.loads(text)
+    case |= {"title": "New building", "people": case["people"][:1], "building": {"mesh": "building.plan.toml"}}
+    case_file.write_text(patched(text, case), encoding="utf-8")
+    plan_file.unlink()
+    plan_file.with_name("building.plan.toml").write_text(EMPTY, encoding="utf-8")
