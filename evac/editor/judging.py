@@ -4,7 +4,7 @@ import base64
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
@@ -23,9 +23,6 @@ from evac.people.groups import check_people
 from evac.people.places import with_places
 from evac.replay.geometry import building_for_page
 from evac.simulation.assembly import read_storeys
-
-if TYPE_CHECKING:
-    from evac.case.case import Case
 
 
 def judge(
