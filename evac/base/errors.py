@@ -288,10 +288,10 @@ def noting(lines: Iterable[str]) -> Iterator[None]:
         raise
 
 
-def warn(lines: Iterable[str]) -> None:
-    """Issue each line as a `RunWarning` about the line of code that called the function which calls this one."""
+def warn(lines: Iterable[str], stacklevel: int = 3) -> None:
+    """Issue each line as a `RunWarning`, by default about the line that called the function which calls this one."""
     for line in lines:
-        warnings.warn(line, RunWarning, stacklevel=3)
+        warnings.warn(line, RunWarning, stacklevel=stacklevel)
 
 
 @contextmanager

@@ -71,7 +71,7 @@ def declare_sweep(parser: argparse.ArgumentParser) -> None:
     declare_set(
         parser, "values of keys, such as people.people.number=100,200,300 simulation.step=0.005,0.01", "KEY=VALUES"
     )
-    table = "one point per row: CSV with dotted keys as header, or TOML with [[points]]; `case` names a case"
+    table = "one point per row: CSV with dotted keys as header; `case` names a case"
     parser.add_argument("--table", type=Path, metavar="FILE", help=table)
     parser.add_argument("--seed", type=int, metavar="N", help="seed of the first run of each point (simulation.seed)")
     declare_plugin(parser)

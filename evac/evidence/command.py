@@ -16,8 +16,8 @@ from evac.evidence.verdicts import verdict_table
 from evac.report.verification import EVIDENCE_NAME
 from evac.standard.verify import QUIET
 
-#: What the reports of runs show of each kind.
-SHOWN = ("title", "examined", "verdicts", "command", "commit", "versions")
+#: What the reports of runs show of the standard tests besides their verdicts.
+SHOWN = ("command", "commit", "versions")
 
 #: The evidence of a checkout, and the copy of its verdicts that is installed with evac, for reports.
 PACKAGE = Path(evac.__file__).parent
@@ -61,9 +61,7 @@ def write_index(folder: Path) -> None:
 
 
 def shown_in_reports(folder: Path) -> dict[str, Any]:
-    """Return the verdicts of an evidence folder in the form of `evac.report.verification.evidence`."""
-    files = {kind: folder / kind / "run.json" for kind in KINDS}
-    kinds = {kind: json.loads(path.read_text()) for kind, path in files.items() if path.is_file()}
+    """Return the verdicts on the standard tests in the form of `evac.report.verification.evidence`."""
+    run = json.loads((folder / "validation" / "run.json").read_text())
     with (folder / "validation" / "verdicts.csv").open(newline="", encoding="utf-8") as file:
-        tests = list(csv.DictReader(file))
-    return {"kinds": {kind: {key: run[key] for key in SHOWN} for kind, run in kinds.items()}, "tests": tests}
+        return {key: run[key] for key in SHOWN} | {"tests": list(csv.DictReader(file))}

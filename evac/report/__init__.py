@@ -1,6 +1,6 @@
 """The report of a run or of a study: one HTML file that prints well and holds what a documentation has to hold.
 
 Each section is a function that computes rows and pictures (`sections.py`) and a template with the words
-(`sections.html`), in which every value is escaped. All pages extend `frame.html`. `evidence.json` has the verdicts of
-docs/evidence, which `evac evidence` writes.
+(`sections.html`), in which every value is escaped. All pages extend `frame.html`. `evidence.json` has the verdicts
+on the standard tests, which `evac evidence` writes.
 """

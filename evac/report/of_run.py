@@ -39,7 +39,7 @@ from evac.report.sections import (
     places_section,
     times_section,
 )
-from evac.report.verification import evidence_section, standard_section, verification_section
+from evac.report.verification import verification_section
 from evac.results.reading import read_results
 from evac.results.results import Results
 
@@ -73,8 +73,6 @@ def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> 
         *([levels_section(run.trajectory.building, run.trajectory.changes)] if run.trajectory is not None else []),
         places_section(run),
         design_section(run),
-        standard_section(run.case_table, run.keeps_distance),
-        evidence_section(),
         files_section(folder, RESULT_FILES),
         case_section(run.settings),
     ]

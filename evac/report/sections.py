@@ -427,21 +427,6 @@ def safety_cells(safety: Mapping[str, Any]) -> list[tuple[object, ...]]:
 #: Greatest number of lines of a case that is printed, on two or three pages.
 MOST_LINES = 450
 
-#: What keys of [simulation] and [directions] are.
-WORDS = {
-    "step": "time step [s]",
-    "tick": "time between decisions of behaviours [s]",
-    "duration": "longest simulated time [s]",
-    "driving": "update of the driving force",
-    "no_progress": "time without progress after which the run ends [s]",
-    "spacing": "spacing of grid nodes [m]",
-    "clearance": "distance kept from walls [m]",
-    "stairs_up": "ratio of the reference speeds up stairs and on the flat",
-    "stairs_down": "ratio of the reference speeds down stairs and on the flat",
-    "comfort": "weight of stairs on comfortable routes",
-    "order": "order of fast marching",
-}
-
 
 def model_section(
     case: CaseTable, versions: Mapping[str, str], plugins: Sequence[str], seed: str, command: str
@@ -454,17 +439,10 @@ def model_section(
         seed=seed,
         parameters={key: as_text(value) for key, value in case.model_parameters.items()},
         forces={name: as_text(values) for name, values in case.forces.items() if values is not False},
-        simulation={_named(key): as_text(value) for key, value in case.simulation.items() if key != "seed"},
-        directions={_named(key): as_text(value) for key, value in case.directions.items()},
         versions=versions,
         plugins=plugins,
         command=command,
     )
-
-
-def _named(key: str) -> str:
-    """Return a key of the case with what it is."""
-    return f"{WORDS[key]} ({key})" if key in WORDS else key
 
 
 def case_section(case: Mapping[str, Any]) -> Section:

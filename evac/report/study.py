@@ -32,7 +32,7 @@ from evac.report.sections import (
     safety_cells,
     times_section,
 )
-from evac.report.verification import evidence_section, standard_section, verification_section
+from evac.report.verification import verification_section
 from evac.results.ending import FAILED
 from evac.results.reading import read_results
 from evac.results.recordedcase import CaseTable, Record
@@ -112,8 +112,6 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
         section("assessment", "Assessment"),
         section("limits", "Limits of use", is_study=True, has_fire=bool(sources)),
         _runs(study, rows),
-        standard_section(summary.table, summary.keeps_distance),
-        evidence_section(),
         files_section(folder, (SUMMARY_NAME, STATISTICS_NAME, RUNS_NAME, EGRESS_NAME)),
         case_section(data["case"]),
     ]

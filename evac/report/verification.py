@@ -1,4 +1,4 @@
-"""What of evac has been verified, and what has failed: the evidence that is kept with the program."""
+"""Which standard tests the model of a case has failed: the evidence that is kept with the program."""
 
 import json
 import tomllib
@@ -6,14 +6,11 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from evac.report.pages import APPENDIX, Cell, Section, read, section
+from evac.report.pages import Section, read, section
 from evac.results.recordedcase import CaseTable
 
 #: Verdicts of docs/evidence, as `evac evidence` writes them beside this module.
 EVIDENCE_NAME = "evidence.json"
-
-#: Identifiers of the appendices.
-EVIDENCE, STANDARD = "evidence", "standard"
 
 #: Columns of the standard tests that are not those of a model.
 TEST_COLUMNS = ("test", "measured", "expected", "by")
@@ -58,8 +55,7 @@ def verification_section(case: CaseTable, keepers: Sequence[str]) -> Section:
         number=len(rows),
         failed=len(failed),
         rows=[(test, "; ".join(criteria), meaning(test)) for test, criteria in grouped.items()],
-        annex=STANDARD,
-        evidence=EVIDENCE,
+        source=evidence(),
     )
 
 
@@ -69,53 +65,6 @@ def meaning(names: str) -> str:
     return str(words)
 
 
-def standard_section(case: CaseTable, keepers: Sequence[str]) -> Section:
-    """Return the appendix with all standard tests, for the model of a case or, if it is none of these, all models."""
-    verdicts = evidence()
-    subject = subject_like(case, keepers, _subjects())
-    columns = _subjects() if subject is None else [subject]
-    return section(
-        STANDARD,
-        f"{APPENDIX}standard tests",
-        "standard",
-        columns=["met"] if subject else columns,
-        rows=[
-            [*(row[name] for name in TEST_COLUMNS), *(_coloured(row[name]) for name in columns)]
-            for row in verdicts["tests"]
-        ],
-        validation=verdicts["kinds"]["validation"],
-        kinds=[
-            (
-                kind["title"],
-                *(
-                    sum(row["verdict"].startswith(wanted) for row in kind["verdicts"])
-                    for wanted in ("met", "not met", "undecided", "reported")
-                ),
-                f"{kind['command']}, commit {kind['commit']}",
-            )
-            for kind in verdicts["kinds"].values()
-        ],
-    )
-
-
 def _subjects() -> list[str]:
     """Return the models that were put to the standard tests."""
     return [column for column in evidence()["tests"][0] if column not in TEST_COLUMNS]
-
-
-def evidence_section() -> Section:
-    """Return the appendix with the verdicts of all kinds of evidence that are not met or undecided."""
-    rows = [
-        (name, row["question"], row["measured"], row["wanted"], _coloured(row["verdict"]))
-        for name, kind in evidence()["kinds"].items()
-        for row in kind["verdicts"]
-        if row["verdict"].startswith(("not met", "undecided"))
-    ]
-    return section(EVIDENCE, f"{APPENDIX}verdicts of the evidence that are not met", rows=rows)
-
-
-def _coloured(words: str) -> Cell:
-    """Return a verdict with the colour of what is met, failed, or neither for certain."""
-    if words.startswith(("NO", "not met")):
-        return Cell(words, "bad")
-    return Cell(words, "open" if "not certain" in words or words.startswith("undecided") else "good")

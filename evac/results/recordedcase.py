@@ -63,7 +63,6 @@ class CaseTable(Record):
     """The parts of a case that are named one by one in reports and replays."""
 
     building: BuildingTable
-    directions: dict[str, Any]
     people: list[GroupTable]
     contact: dict[str, Any]
     forces: Tables = {}

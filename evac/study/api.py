@@ -4,6 +4,7 @@ import shutil
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
@@ -111,11 +112,7 @@ def repeat(
     >>> study.statistics[0].mean  # doctest: +SKIP
     """
     case = run_plugin_files(as_case(case))
-    chosen = points.halved_steps(case) if check_step else points.single(case)
-    warn(_warnings_before(chosen))
-    study = execute_study(chosen, runs, **options)
-    warn((*remarks_of(study), *quality_of(study)))
-    return study
+    return _warned(points.halved_steps(case) if check_step else points.single(case), runs, options)
 
 
 def sweep(
@@ -163,10 +160,7 @@ def sweep(
         chosen = points.grid(case, parameters)
     else:
         chosen = points.from_rows(case, parameters, Path.cwd(), case.registry)
-    warn(_warnings_before(chosen))
-    study = execute_study(chosen, runs, **options)
-    warn((*remarks_of(study), *quality_of(study)))
-    return study
+    return _warned(chosen, runs, options)
 
 
 def execute_study(
@@ -212,12 +206,13 @@ def execute_study(
     return study
 
 
-def _warnings_before(chosen: Sequence[Point]) -> tuple[str, ...]:
-    """Return the warnings about building and people of the first run, whose building and directions are kept."""
-    try:
-        return simulation_of(chosen[0].case, will_run=False).warnings()
-    except EvacError:  # the study tells why the run is refused
-        return ()
+def _warned(chosen: Sequence[Point], runs: int | None, options: StudyOptions) -> Study:
+    """Run the study of some points, and warn of building and people of its first run, and of what came out."""
+    with suppress(EvacError):  # the study tells why the run is refused
+        warn(simulation_of(chosen[0].case, will_run=False).warnings(), 4)
+    study = execute_study(chosen, runs, **options)
+    warn((*remarks_of(study), *quality_of(study)), 4)
+    return study
 
 
 def _number_of_workers(chosen: Sequence[Point], workers: int, executor: Executor | None) -> int:

@@ -4,7 +4,6 @@ import csv
 import itertools
 import math
 import os
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,9 +27,8 @@ MOST_BYTES = 64 * 2**20
 #: Key of the time step.
 STEP = "simulation.step"
 
-#: Column of a table of cases that names the case of a row, and the array of tables of a TOML file with the rows.
+#: Column of a table of cases that names the case of a row.
 CASE_COLUMN = "case"
-ROWS_KEY = "points"
 
 
 @dataclass(frozen=True)
@@ -134,27 +132,22 @@ def check_number(points: int) -> None:
 
 
 def read_table(path: Path) -> list[dict[str, Any]]:
-    """Return the rows of a table: a CSV file with dotted keys as header, or ``[[points]]`` of a TOML file.
+    """Return the rows of a table: a CSV file with dotted keys as header.
 
-    Values of a CSV file are read as TOML, or else taken as strings; an empty field keeps the value of the case.
+    Values are read as TOML, or else taken as strings; an empty field keeps the value of the case.
     """
     from evac.case.overrides import value_of
 
     try:
         if path.stat().st_size > MOST_BYTES:
             raise ValueError(f"it has more than {MOST_BYTES} bytes")
-        text = path.read_text(encoding="utf-8-sig")
-        if path.suffix.lower() == ".toml":
-            rows = [_flat(row) for row in tomllib.loads(text).get(ROWS_KEY, [])]
-        else:
-            lines = csv.DictReader(text.splitlines(), strict=True, restkey="")
-            rows = [{key: value_of(word) if word else None for key, word in line.items()} for line in lines]
+        lines = csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines(), strict=True, restkey="")
+        rows = [{key: value_of(word) if word else None for key, word in line.items()} for line in lines]
     except (OSError, ValueError, csv.Error, TypeError, AttributeError) as error:
         raise ScenarioError(f"{path}: cannot be read as a table of cases: {error}; correct the file") from error
     if not rows or any("" in row for row in rows):
         raise ScenarioError(
-            f"{path}: not a table of cases; it needs a header of dotted keys and as many values in each row (CSV), or "
-            f"[[{ROWS_KEY}]] tables (TOML)"
+            f"{path}: not a table of cases; it needs a header of dotted keys and as many values in each row"
         )
     return rows
 
@@ -178,14 +171,3 @@ def _points(cases: Iterable[tuple["Case", Mapping[str, Any]]]) -> tuple[Point, .
     if not points:
         raise ScenarioError("a study needs at least one point")
     return tuple(points)
-
-
-def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested tables as dotted keys."""
-    flat: dict[str, Any] = {}
-    for key, value in table.items():
-        if isinstance(value, Mapping) and value:
-            flat |= _flat(value, f"{prefix}{key}.")
-        else:
-            flat[f"{prefix}{key}"] = value
-    return flat

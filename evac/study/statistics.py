@@ -470,14 +470,10 @@ class Variation:
     # standard deviations [s] by one-way analysis of variance over the complete runs; NaN if there are too few
     between: float
     within: float
-    # p value of the F test: probability of such an F or a greater one if the populations do not differ
-    probability: float
 
 
 def variation(times: FloatArray, populations: Sequence[int]) -> Variation:
     """Return what the scheme of the IMO requires, for times (runs,) [s] and the number of the population of each."""
-    from scipy.special import fdtrc
-
     ascending = np.sort(times)
     reported = float(ascending[min(math.floor(0.95 * len(times)), len(times) - 1)])
     names = np.asarray(populations)
@@ -485,12 +481,11 @@ def variation(times: FloatArray, populations: Sequence[int]) -> Variation:
     groups = [group for group in groups if len(group)]
     count = sum(map(len, groups))
     if len(groups) < 2 or count <= len(groups):
-        return Variation(reported, math.nan, math.nan, math.nan)
+        return Variation(reported, math.nan, math.nan)
     mean = float(np.concatenate(groups).mean())
     free_between, free_within = len(groups) - 1, count - len(groups)
     square_between = sum(len(group) * (float(group.mean()) - mean) ** 2 for group in groups) / free_between
     square_within = sum(float(((group - group.mean()) ** 2).sum()) for group in groups) / free_within
     size = (count - sum(len(group) ** 2 for group in groups) / count) / free_between
     between = math.sqrt(max(0.0, (square_between - square_within) / size))
-    probability = float(fdtrc(free_between, free_within, square_between / square_within)) if square_within else 0.0
-    return Variation(reported, between, math.sqrt(square_within), probability)
+    return Variation(reported, between, math.sqrt(square_within))

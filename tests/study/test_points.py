@@ -48,12 +48,3 @@ def test_a_table_of_cases(case, tmp_path):
     assert points[2].case.people[0].count == 2
     with pytest.raises(ScenarioError, match="row 3"):
         from_rows(None, read_table(path), tmp_path)
-
-
-def test_a_table_in_toml(case, tmp_path):
-    path = tmp_path / "points.toml"
-    path.write_text(
-        '[[points]]\ncontact.model = "dem"\npeople.people.number = 3\n[[points]]\n"contact.model" = "nsm1"\n'
-    )
-    points = from_rows(case, read_table(path), tmp_path)
-    assert [point.case.contact.model for point in points] == ["dem", "nsm1"]

@@ -34,7 +34,6 @@ def test_a_percentile_among_endless_runs_is_endless():
 
 @pytest.mark.parametrize("of", [5.0, 50.0, 75.0, 90.0, 95.0, 99.0])
 def test_fewer_runs_than_least_runs_bound_no_percentile(of):
-    """Both sides miss with at most 2.5 %: none of n values is beyond the percentile with probability p^n."""
     least, share = least_runs(of), max(0.01 * of, 1.0 - 0.01 * of)
     assert binom.pmf(least, least, share) <= 0.025 < binom.pmf(least - 1, least - 1, share)
     times = np.random.default_rng(2).lognormal(size=least)
@@ -229,6 +228,4 @@ def test_variation_between_and_within_populations():
     found = variation(times, populations)
     assert found.between == pytest.approx(0.5, rel=0.1)
     assert found.within == pytest.approx(0.2, rel=0.1)
-    assert found.probability < 1e-6
-    assert variation(rng.normal(10.0, 0.2, 2000), populations).probability > 1e-3
     assert variation(np.array([1.0, math.inf]), [0, 1]).reported == math.inf
