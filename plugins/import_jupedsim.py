@@ -4,7 +4,6 @@ import re
 import xml.etree.ElementTree as Tree
 from pathlib import Path
 
-import networkx
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
@@ -33,6 +32,8 @@ class JupedsimImporter(Importer):
 
     def read(self, path: Path) -> Plan:
         """Read the geometry; raise ValueError if the file is none."""
+        import networkx  # takes 0.1 s, and few files need it
+
         plan, joined = Plan(path), networkx.Graph()
         shapes, z, use = dict[tuple[str, str], BaseGeometry](), {}, {}
         try:

@@ -83,6 +83,8 @@ class PackedFields(Struct):
 
 def columns_of(fields: PackedFields, route: ArrayLike, radius: ArrayLike) -> IntArray:
     """Return the columns (n,) of routes (n,) for bodies of radii (n,) [m]; a number stands for all."""
+    if not len(fields.width):
+        return np.asarray(route, dtype=np.int32)
     routes = fields.field_of.shape[1] // (len(fields.width) + 1)
     columns: IntArray = np.asarray(
         np.asarray(route) + routes * np.searchsorted(fields.width, 2.0 * np.asarray(radius)), dtype=np.int32

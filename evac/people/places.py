@@ -280,9 +280,9 @@ class Places(Saved):
     def settle(self, time: float, fields: "Fields", velocity: FloatArray) -> None:
         """Let those stay who have come to a stop in their place; velocities (n, 2) are those of displacement [m/s]."""
         crowd = self._crowd
-        coming = (self._meant >= 0) & ~self.arrived & (crowd.level >= 0)
         for index, place in enumerate(self._places):
-            rows = have_stopped(fields, crowd, np.flatnonzero(coming & (self._meant == index)), velocity, place)
+            coming = np.flatnonzero((self._meant == index) & ~self.arrived & (crowd.level >= 0))
+            rows = have_stopped(fields, crowd, coming, velocity, place)
             self.arrived[rows], self._since[rows] = True, time
 
     @property

@@ -154,6 +154,8 @@ class Population(Saved):
     def settle(self, events: Events) -> IntArray:
         """Record the crossings of a tick: exit times, exits used, and the log of portal crossings; return who left."""
         count = int(events.number)
+        if not count:
+            return np.zeros(0, np.int32)
         row, link, time = events.row[:count], events.link[:count], events.time[:count]
         is_exit = events.kind[:count] == EXIT
         self.crowd.exit_time[row[is_exit]] = time[is_exit]

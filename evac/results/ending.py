@@ -80,14 +80,14 @@ class Ending(Saved):
         """Forget the least travel times of people, for whom other ways may be longer now; by default of everybody."""
         self._least[:, rows] = np.inf
 
-    def reason(self, step: int, crowd: Crowd, fields: Fields, can_change: bool = False, can_grow: bool = False) -> str:
+    def reason(self, step: int, crowd: Crowd, fields: Fields, can_grow: bool = False) -> str:
         """Return why the run ends with this tick; an empty string if it continues, as it does while doses can grow."""
         over = self.over(step, crowd, can_grow)
         if over:
             return over
         is_checked = step % self._steps_per_check == 0
         is_stuck = is_checked and self._is_stuck(step * self._settings.step, crowd, fields)
-        return NO_PROGRESS if is_stuck and not can_change else ""
+        return NO_PROGRESS if is_stuck else ""
 
     def over(self, step: int, crowd: Crowd, can_grow: bool = False) -> str:
         """Return why no step is left, as `reason` but without the check of progress; an empty string if one is left."""

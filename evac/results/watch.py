@@ -138,11 +138,11 @@ def densities(crowd: Crowd, limit: float = 0.0) -> FloatArray:
     around = cell + np.array([[-height], [0], [height]])
     first, after = np.searchsorted(cell[order], np.stack([around - 1, around + 2]))
     counted = np.flatnonzero((after - first).sum(axis=0) > limit)
-    for start, end in zip(first[:, counted], after[:, counted], strict=True):
-        middle = np.repeat(counted, end - start)
-        other = order[np.arange(len(middle)) + np.repeat(end - np.cumsum(end - start), end - start)]
-        near = np.hypot(*(place[middle] - place[other]).T) <= radius
-        density[inside] += np.bincount(middle[near], minlength=len(inside))
+    number, end = (after - first)[:, counted].ravel(), after[:, counted].ravel()
+    middle = np.repeat(np.tile(counted, 3), number)
+    other = order[np.arange(len(middle)) + np.repeat(end - np.cumsum(number), number)]
+    near = np.hypot(*(place[middle] - place[other]).T) <= radius
+    density[inside] = np.bincount(middle[near], minlength=len(inside))
     return density
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evac.base.phases import Progress
-from evac.results.ending import Stopped
+from evac.results.ending import NO_PROGRESS, Stopped
 
 if TYPE_CHECKING:
     from evac.simulation.simulation import Simulation
@@ -136,9 +136,10 @@ class Loop:
 
     def _is_sampled(self) -> bool:
         """Return whether the conditions of the air are read at this tick."""
+        if self._simulation.exposure is None:
+            return False
         every = max(1, round(self._simulation.case.smoke.sampling / self._settings.tick))
-        steps = every * self._settings.steps_per_tick
-        return self._simulation.exposure is not None and self._simulation.step % steps == 0
+        return self._simulation.step % (every * self._settings.steps_per_tick) == 0
 
     def _begin_exposure(self) -> None:
         if self._simulation.exposure is not None:
@@ -176,13 +177,16 @@ class Loop:
             simulation.timetable.act()  # before a run ends because all have arrived
         if (simulation.population.sources and simulation.to_come) or (simulation.case.place and simulation.to_go_on):
             return
-        exposure, can_change = simulation.exposure, bool(simulation.scene.changes_before(self._settings.duration))
-        can_change |= simulation.scene.controls.is_waiting(simulation.time)
-        can_change |= exposure is not None and exposure.air.changes_after(simulation.time)
-        ways = simulation.fields, can_change, simulation.can_grow
-        simulation.ended = simulation.ending.reason(simulation.step, crowd, *ways)
-        if simulation.ended:
+        ended = simulation.ending.reason(simulation.step, crowd, simulation.fields, simulation.can_grow)
+        if ended and not (ended == NO_PROGRESS and self._can_change()):
+            simulation.ended = ended
             simulation.scene.end()
+
+    def _can_change(self) -> bool:
+        """Return whether the scene or the air is going to change, so that a crowd that is blocked may get out."""
+        scene, exposure, time = self._simulation.scene, self._simulation.exposure, self._simulation.time
+        is_ahead = bool(scene.changes_before(self._settings.duration)) or scene.controls.is_waiting(time)
+        return is_ahead or (exposure is not None and exposure.air.changes_after(time))
 
     def _show(self) -> None:
         simulation, population = self._simulation, self._simulation.population

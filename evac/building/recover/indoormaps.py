@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import networkx
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
@@ -71,6 +70,8 @@ class Storey:
 
     def spaces(self) -> list[BaseGeometry]:
         """Return rooms, and ways, joined where no door is between them; sides that touch agree."""
+        import networkx  # takes 0.1 s, and few files need it
+
         given = np.array([part for way in self.ways for part in shapely.get_parts(way)], dtype=object)
         rows, others = shapely.STRtree(given).query(given, "intersects")
         apart = self.outlets.buffer(BESIDE / 2)
