@@ -176,6 +176,22 @@ def test_a_wall_is_moved_with_its_door_and_only_its_lines_change(page):
     assert git(house, "diff", "--numstat") == "2\t2\thouse.plan.toml\n"
 
 
+def test_a_plan_that_takes_long_to_paint_is_moved_as_a_picture(page):
+    moved, off = page.run(
+        """(() => { const { view } = editor, { pen, canvas: { width, height } } = view;
+            const shot = () => pen.getImageData(100, 100, width - 200, height - 200).data;
+            const differing = (a, b) => a.filter((value, k) => Math.abs(value - b[k]) > 60).length / a.length;
+            view.paint();
+            const before = shot();
+            Object.assign(view, { paintTime: 1000 }).pan([40 / view.zoom, 0]);
+            const after = shot();
+            view.paint();
+            return [differing(before, after), differing(after, shot())]; })()"""
+    )
+    assert moved > 0.01
+    assert off < 0.1 * moved
+
+
 def test_findings_appear_while_one_draws_and_lead_to_their_place(page):
     page.click((8.1, 2.5))
     assert page.text("#inspector h2") == "Door door"

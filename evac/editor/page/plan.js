@@ -2,6 +2,7 @@
 
 const MARGIN = 60, TOOLS_WIDE = 90;  // Around everything, and for the tools at the left [pixels].
 const BODY = 0.22;  // Radius of people [m].
+const SLOW = 60, REST = 200;  // Time to paint from which a view is moved as a picture, and after which it rests [ms].
 const STEP_LINE = 0.28;  // Between the lines of steps [m].
 
 function coloursOf(...names) {
@@ -11,7 +12,7 @@ function coloursOf(...names) {
 
 class PlanView {
   constructor(canvas, store) {
-    Object.assign(this, { canvas, store, pen: canvas.getContext("2d"), x: 0, y: 0, zoom: 20, judged: null, people: {}, findings: [], selected: null, storey: "", frames: 0 });
+    Object.assign(this, { canvas, store, pen: canvas.getContext("2d"), x: 0, y: 0, zoom: 20, judged: null, people: {}, findings: [], selected: null, storey: "", frames: 0, paintTime: 0 });
   }
 
   get table() { return this.store.now; }
@@ -19,12 +20,26 @@ class PlanView {
   place(left, top) { const [w, h] = this.size; return [this.x + (left - w / 2) / this.zoom, this.y - (top - h / 2) / this.zoom]; }
   spot([x, y]) { const [w, h] = this.size; return [w / 2 + (x - this.x) * this.zoom, h / 2 - (y - this.y) * this.zoom]; }
 
-  pan([dx, dy]) { this.x += dx; this.y += dy; this.draw(); }
+  pan([dx, dy]) { this.move(this.x + dx, this.y + dy, this.zoom); }
 
   zoomAt(factor, [x, y]) {
     const zoom = Math.max(0.5, Math.min(2000, this.zoom * factor)), share = 1 - this.zoom / zoom;
-    Object.assign(this, { zoom, x: this.x + share * (x - this.x), y: this.y + share * (y - this.y) });
-    this.draw();
+    this.move(this.x + share * (x - this.x), this.y + share * (y - this.y), zoom);
+  }
+
+  // Moves the view: a plan that takes long to paint is moved as a picture, and painted when the view rests.
+  move(x, y, zoom) {
+    const { canvas: { width: w, height: h }, pen } = this, share = zoom / this.zoom, scale = zoom * devicePixelRatio;
+    const left = w / 2 * (1 - share) + (this.x - x) * scale, top = h / 2 * (1 - share) - (this.y - y) * scale;
+    Object.assign(this, { x, y, zoom });
+    if (this.paintTime < SLOW) return this.draw();
+    this.frames += 1;
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    pen.globalCompositeOperation = "copy";
+    pen.drawImage(this.canvas, left, top, w * share, h * share);
+    pen.globalCompositeOperation = "source-over";
+    clearTimeout(this.rest);
+    this.rest = setTimeout(() => this.draw(), REST);
   }
 
   fit() {
@@ -107,7 +122,9 @@ class PlanView {
     requestAnimationFrame(() => {
       this.isWaiting = false;
       this.frames += 1;
+      const start = performance.now();
       if (this.canvas.clientWidth) this.paint();
+      requestAnimationFrame(() => { this.paintTime = performance.now() - start; });
     });
   }
 

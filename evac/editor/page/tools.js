@@ -82,8 +82,9 @@ class Tools {
 
   move(point, event) {
     const { drag } = this;
-    if (!drag) this.at = this.tool === "select" ? point : this.snap(point, event.shiftKey);
-    else if (drag.kind === "pan") this.view.pan(minus(drag.start, point));
+    if (!drag && this.tool === "select") { this.at = point; return; }  // Nothing looks different.
+    if (!drag) this.at = this.snap(point, event.shiftKey);
+    else if (drag.kind === "pan") return this.view.pan(minus(drag.start, point));
     else if (drag.kind === "draw") this.at = this.snap(point, event.shiftKey);
     else if (drag.isMoved || length(minus([event.offsetX, event.offsetY], drag.from)) > DRAGGED) {
       drag.isMoved = true;
