@@ -143,8 +143,6 @@ class Helpers(Behaviour):
                     raise ScenarioError(
                         f"people.{group.name}.behaviours.helpers.fetches: no group {wanted!r} has a device; {hint}"
                     )
-                if (scene.crowd.speed[group.rows, 0] <= 0.0).any():
-                    raise ScenarioError(f"people.{group.name}.speed: helpers must be able to walk; raise it above 0")
                 helpers.append(group.rows)
                 may = np.tile(np.isin(self._people, groups[wanted].rows), (len(group.rows), 1))
                 self._may = np.concatenate([self._may, may])
@@ -173,9 +171,8 @@ class Helpers(Behaviour):
                     f"people.{group}: {device.handlers} helpers are needed for a person, {self._may[:, k].sum()} fetch "
                     "the group; give a group of more people the key behaviours.helpers.fetches"
                 )
-            if self._is_on_the_way(person):
-                self._check_refuges(group)
-            elif crowd.level[person] >= 0 and self._area_of(crowd, person) is None:
+            is_inside = crowd.level[person] >= 0 and not self._is_on_the_way(person)
+            if is_inside and self._area_of(crowd, person) is None:
                 x, y = crowd.position[person]
                 raise ScenarioError(
                     f"people.{group}: person {person} at ({x:.2f}, {y:.2f}) is in none of behaviours.helpers.areas; "
@@ -183,15 +180,6 @@ class Helpers(Behaviour):
                 )
             if (crowd.speed[person] <= 0.0).any():
                 raise ScenarioError(f"people.{group}.speed: 0 cannot be scaled to that of the device; give another")
-
-    def _check_refuges(self, group: str) -> None:
-        """Check that people are fetched from all places in which people of a group may wait."""
-        for place in self._scene.building.places:
-            if place.kind == "refuge" and place.area not in self.areas:
-                raise ScenarioError(
-                    f"behaviours.helpers.areas: people.{group} may wait in refuge {place.name!r}, from which nobody "
-                    f"fetches them; add its area {place.area!r}"
-                )
 
     def _is_on_the_way(self, person: int) -> bool:
         """Return whether a person walks to a refuge."""

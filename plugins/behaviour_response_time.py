@@ -31,8 +31,8 @@ class ResponseTime(Behaviour):
     (``"group"``).
 
     With ``begin = "cue"``, which a group may set for itself, the response time counts from the first cue that a person
-    gets: an alarm at the place of the person (an event of kind "alarm"), people who walk within ``sees`` on the same
-    level and are not hidden by walls, or a field, such as smoke, that has reached its threshold at the person.
+    gets: an alarm at the place of the person (an event of kind "alarm"), people who walk within ``sees`` and are not
+    hidden by walls, or a field, such as smoke, that has reached its threshold at the person.
 
     People who start in a place of a phase of the case (`[[phase]]`) wait for its alarm, whatever ``begin`` is.
 
@@ -108,14 +108,14 @@ class ResponseTime(Behaviour):
             rows = np.flatnonzero(waits)
             self._start(crowd, rows[field.at(crowd.level[rows], crowd.position[rows]) >= threshold], time)
         if self.sees > 0.0:
-            from evac.people.sights import notice  # its kernel is compiled only for cases that need it
+            from evac.people.sights import watch_walkers  # its kernel is compiled only for cases that need it
 
             speed = np.hypot(*self._scene.displacement_velocity.T)
             walks = (speed > WALKS) & (crowd.start_time <= time) & (crowd.level >= 0)
-            notices = np.zeros(len(waits), np.uint8)
+            goal, count = np.where(walks, 0, -1).astype(np.int32), np.zeros((len(waits), 1))
             place = np.ascontiguousarray(crowd.position), np.ascontiguousarray(crowd.level)
-            notice(self._scene.world, *place, waits.view(np.uint8), walks.view(np.uint8), float(self.sees), notices)
-            self._start(crowd, np.flatnonzero(notices), time)
+            watch_walkers(self._scene.world, *place, waits.view(np.uint8), goal, float(self.sees), count)
+            self._start(crowd, np.flatnonzero(count), time)
 
     def _start(self, crowd: Crowd, rows: NDArray[Any], time: float, share: float = 1.0) -> None:
         """Let people start after a share of their response times."""

@@ -242,26 +242,6 @@ def free_of_walls(world, level, x, y, cx, cy, way):  # type: ignore[no-untyped-d
 
 
 @kernel
-def notice(
-    world: World, position: Pairs, level: Ints, waits: Bytes, walks: Bytes, reach: float, notices: Bytes
-) -> None:
-    """Mark the people who wait and see somebody who walks within a distance [m], on their level."""
-    for i in range(level.shape[0]):
-        if not waits[i]:
-            continue
-        x, y = position[i, 0], position[i, 1]
-        for j in range(level.shape[0]):
-            if not walks[j] or level[j] != level[i]:
-                continue
-            dx, dy = position[j, 0] - x, position[j, 1] - y
-            if dx * dx + dy * dy > reach * reach:
-                continue
-            if not is_hidden(world, level[i], x, y, level[j], position[j, 0], position[j, 1]):
-                notices[i] = 1
-                break
-
-
-@kernel
 def notice_signs(
     world: World,
     position: Pairs,

@@ -8,7 +8,7 @@ from shapely import box
 
 import evac
 from evac.simulation.simulation import Simulation
-from tests.runs import MODELS, assert_same_bits, run_ticks
+from tests.runs import MODELS, run_ticks
 
 THIN = """
     import numpy as np
@@ -81,12 +81,3 @@ def test_bodies_touch_at_their_contact_radius(thin, model):
         run_ticks(simulation, 1)
         apart.append(np.hypot(*(simulation.population.crowd.position[1] - simulation.population.crowd.position[0])))
     assert 0.28 < min(apart) < 0.33  # between two ticks, and far below 0.44
-
-
-def test_a_resumed_run_has_the_same_bodies(thin):
-    one, other = Simulation(thin()), Simulation(thin())
-    run_ticks(one, 5)
-    other.restore(one.state())
-    for simulation in (one, other):
-        run_ticks(simulation, 5)
-    assert_same_bits(one, other)

@@ -1,11 +1,10 @@
 """Familiarity: known exits, signs, exits in sight, others who walk, and resumed runs."""
 
-import numpy as np
 from shapely import box
 
 import evac
 from evac.simulation.simulation import Simulation
-from tests.runs import assert_same_bits, run_ticks
+from tests.runs import run_ticks
 
 SIGN = {"name": "sign", "kind": "sign", "position": [10.0, 7.9], "z": 0.0, "exit": "back"}
 
@@ -88,17 +87,6 @@ def test_exits_of_the_group_limit_the_choice():
     case = case_of(main=["main"], knows={"east": 1.0}, preference=1.0).to_dict()
     case["people"][0]["exits"] = ["main"]
     assert goals(Simulation(evac.load(case)))["main"] == 20
-
-
-def test_a_run_goes_on_with_the_same_bits():
-    case = case_of(SIGN, main=["main"], knows={"east": 0.5, "back": 0.0}, influence=0.3)
-    one, two = Simulation(case), Simulation(case)
-    run_ticks(one, 25)
-    two.restore(one.state())
-    for simulation in (one, two):
-        run_ticks(simulation, 30)
-    assert_same_bits(one, two)
-    assert np.array_equal(*(simulation.population.crowd.route for simulation in (one, two)))
 
 
 def test_an_event_changes_the_strategy_of_those_only_for_whom_there_are_directions():

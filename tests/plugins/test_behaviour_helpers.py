@@ -10,7 +10,6 @@ import evac
 from evac.building.model.building import FLAT
 from evac.simulation.simulation import Simulation
 from tests.people.test_mobility import two_ways
-from tests.runs import assert_same_bits, run_ticks
 
 HALL = {"name": "hall", "kind": "assembly", "area": "hall"}
 
@@ -154,18 +153,6 @@ def test_who_cannot_be_reached_is_told_of():
         "people.patients",
         "people.staff",
     ]
-
-
-def test_a_run_goes_on_to_the_same_bits():
-    case = ward(HALL, patients={"number": 3}, to="hall")
-    for ticks in (170, 230, 500):
-        one, other = Simulation(case), Simulation(case)
-        run_ticks(one, ticks)
-        other.restore(one.state())
-        run_ticks(one, 60)
-        run_ticks(other, 60)
-        assert_same_bits(one, other)
-        assert one.places.found() == other.places.found()
 
 
 def test_a_helper_who_is_still_needed_returns_from_the_exit():

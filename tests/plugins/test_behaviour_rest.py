@@ -1,12 +1,10 @@
 """People who rest: where they stop on a stair with a landing, for how long, and that a resumed run goes on."""
 
-import numpy as np
 import pytest
 from shapely import box
 
 import evac
 from evac.simulation.simulation import Simulation
-from tests.runs import assert_same_bits, run_ticks
 
 TICK = 0.1
 
@@ -52,14 +50,3 @@ def test_people_rest_on_the_next_landing_or_floor(after, places):
 def test_without_the_key_nobody_rests():
     simulation = Simulation(stair())
     assert "rest" not in {behaviour.name for behaviour, _ in simulation.behaviours}
-
-
-def test_a_run_goes_on_to_the_same_bits_during_a_rest():
-    one, other = (Simulation(stair(after=3.0, pause=5.0)) for _ in range(2))
-    run_ticks(one, 150)
-    assert one.population.crowd.speed_factor[0] == 0.0
-    other.restore(one.state())
-    for simulation in (one, other):
-        run_ticks(simulation, 100)
-    assert_same_bits(one, other)
-    assert np.isfinite(one.population.crowd.position).all()

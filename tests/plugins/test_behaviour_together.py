@@ -7,7 +7,8 @@ import evac
 from evac.analysis.queues import find_queues
 from evac.report.of_run import main_results
 from evac.simulation.simulation import Simulation
-from tests.runs import assert_same_bits, run_ticks
+from tests.people.test_mobility import two_ways
+from tests.runs import run_ticks
 
 #: Speeds of the four people of each family [m/s].
 SPEEDS = [0.6, 1.0, 1.4, 1.6]
@@ -174,15 +175,7 @@ def test_a_unit_that_has_gathered_goes_to_its_assembly_area():
 
 
 def test_wheelchairs_gather_without_stairs():
-    plan = evac.Plan()
-    plan.storey("low", box(0, 0, 10, 10))
-    plan.storey("high", box(24, 0, 34, 10), z=1.0)
-    plan.flight("stairs", [(12, 7), (12, 9)], 0.0, [(14, 7), (14, 9)], 1.0)
-    plan.landing("stairs", box(10, 7, 12, 9), 0.0)
-    plan.landing("stairs", box(14, 7, 24, 9), 1.0)
-    plan.flight("ramp", [(10, 1), (10, 3)], 0.0, [(24, 1), (24, 3)], 1.0)
-    plan.exit("out", "low", [(0, 4), (0, 6)])
-    plan.area("start", "high", box(27, 6, 33, 9.5))
+    plan = two_ways()
     plan.area("hall", "low", box(2, 6, 8, 9))
     unit = {"unit": "ward", "gather": "hall"}
     people = [
@@ -200,17 +193,3 @@ def test_wheelchairs_gather_without_stairs():
     assert simulation.ended == "everybody out"
     assert not on_stair[crowd.group == 1].any()
     assert on_stair[crowd.group == 0].any()
-
-
-def test_a_run_goes_on_to_the_same_bits():
-    def one_more():
-        return families({"size": 4, "gather": "hall"}, places=["hall"], count=3.0)
-
-    one, other = one_more(), one_more()
-    for ticks in (150, 300):
-        run_ticks(one, ticks)
-        other.restore(one.state())
-        run_ticks(one, 60)
-        run_ticks(other, 60)
-        assert_same_bits(one, other)
-        one, other = one_more(), one_more()

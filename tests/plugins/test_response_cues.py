@@ -8,7 +8,6 @@ from evac import Behaviour
 from evac.base.errors import PluginError, ScenarioError
 from evac.contract.registry import Registry
 from evac.simulation.simulation import Simulation
-from tests.runs import assert_same_bits, run_ticks
 
 #: Two rooms of one level, whose wall has a gap at its end.
 ROOMS = "POLYGON ((0 0, 6 0, 6 4.8, 6.2 4.8, 6.2 0, 12 0, 12 6, 0 6, 0 0))"
@@ -75,13 +74,3 @@ def test_a_field_of_a_behaviour_is_a_cue_from_its_threshold_on():
         Simulation(rooms(fields={"smok": 0.5})).run()
     with pytest.raises(PluginError, match=r"response_time\.fields"):
         Simulation(rooms(fields={"smoke": "much"}))
-
-
-def test_a_resumed_run_has_the_same_cues():
-    one, other = (Simulation(rooms(ALARM, sees=3.0, fields={"smoke": 5.0})) for _ in range(2))
-    run_ticks(one, 90)
-    other.restore(one.state())
-    for simulation in (one, other):
-        simulation.run()
-    assert_same_bits(one, other)
-    assert one.population.crowd.start_time.tolist() == other.population.crowd.start_time.tolist()
