@@ -361,7 +361,7 @@ def _within(grids: BuildingGrids, names: Iterable[str]) -> BoolArray:
 
     These strips, and outlines along walls, would otherwise be ways of their own, in which people are stuck at posts.
     """
-    found = np.zeros(grids.size, np.bool_)
+    is_within = np.zeros(grids.size, np.bool_)
     for area in (part for name in names for part in grids.building.parts_named(name)):
         grid = grids.levels[area.level]
         free = grids.building.levels[area.level].polygon - area.polygon
@@ -370,8 +370,8 @@ def _within(grids: BuildingGrids, names: Iterable[str]) -> BoolArray:
         ground = shapely.union_all([area.polygon, *strips]).buffer(0.5 * grids.lattice.spacing, join_style="mitre")
         shapely.prepare(ground)
         inside = shapely.intersects_xy(ground, *grid.window.coordinates()) & (grid.sheet == OWN)
-        found[grid.packed] |= inside.ravel()
-    return found
+        is_within[grid.packed] |= inside.ravel()
+    return is_within
 
 
 def _slowed(grids: BuildingGrids, factor: FloatArray) -> tuple[FloatArray, FloatArray]:

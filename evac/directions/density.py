@@ -43,12 +43,12 @@ class Kernels:
         Levels (n,) are -1 for those who do not count. `gain` is the weight of the density now. The density of people
         with levels in `against` (n,) is taken away from that of the others.
         """
-        found = np.zeros(len(density))
-        deposit(self._packed, self.first, position, level, self._width, found)
+        present = np.zeros(len(density))
+        deposit(self._packed, self.first, position, level, self._width, present)
         if against is not None and (against >= 0).any():
             other = np.zeros(len(density))
             deposit(self._packed, self.first, position, against, self._width, other)
-            found = np.maximum(found - other, 0.0)
+            present = np.maximum(present - other, 0.0)
         occupied = set(np.unique(level[level >= 0]).tolist())
         crowded = set()
         for grid, behind in zip(self.grids.levels, self._behind_portals, strict=True):
@@ -56,9 +56,9 @@ class Kernels:
             if not occupied & {grid.level, *(level for level, _, _ in behind)} and not own.any():
                 continue
             crowded.add(grid.level)
-            now = found[grid.packed].copy()
+            now = present[grid.packed].copy()
             for _, halo, nodes in behind:
-                now[nodes] += found[halo]
+                now[nodes] += present[halo]
             now *= self._weight[grid.packed]
             now -= own
             now *= gain
@@ -87,11 +87,11 @@ def _behind_portals(grids: BuildingGrids, grid: LevelGrid) -> list[tuple[int, In
 
 def at_nodes_of(grids: BuildingGrids, values: FloatArray, before: BuildingGrids) -> FloatArray:
     """Return the values (nodes,) of the grids before at the nodes of other ones, whose windows include open halos."""
-    found = np.zeros(grids.size)
+    moved = np.zeros(grids.size)
     for old, new in zip(before.levels, grids.levels, strict=True):
         here, there = new.window.overlap(old.window)
-        found[new.packed].reshape(new.window.shape)[here] = values[old.packed].reshape(old.window.shape)[there]
-    return found
+        moved[new.packed].reshape(new.window.shape)[here] = values[old.packed].reshape(old.window.shape)[there]
+    return moved
 
 
 def _weights_on_floor(grids: BuildingGrids, width: float) -> FloatArray:
@@ -103,15 +103,15 @@ def _weights_on_floor(grids: BuildingGrids, width: float) -> FloatArray:
     reach = int(CUT * width / spacing)
     weight = np.exp(-0.5 * (spacing * np.arange(-reach, reach + 1) / width) ** 2)
     weight *= spacing / (width * math.sqrt(2.0 * math.pi))
-    found = np.empty(grids.size)
+    weights = np.empty(grids.size)
     for grid in grids.levels:
         if grid.alike < grid.level:
-            found[grid.packed] = found[grids.levels[grid.alike].packed]
+            weights[grid.packed] = weights[grids.levels[grid.alike].packed]
             continue
         floor = grids.is_ground(grid).astype(np.float64)
         for axis in (0, 1):
             wide = np.pad(floor, [(reach, reach) if axis == other else (0, 0) for other in (0, 1)])
             size = floor.shape[axis]
             floor = sum(w * np.take(wide, range(k, k + size), axis) for k, w in enumerate(weight))
-        found[grid.packed] = ((grid.sheet == OWN) / np.maximum(floor, LEAST_SHARE)).ravel()
-    return found
+        weights[grid.packed] = ((grid.sheet == OWN) / np.maximum(floor, LEAST_SHARE)).ravel()
+    return weights

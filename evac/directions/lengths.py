@@ -73,7 +73,7 @@ def find_lengths(marched: Marched, routes: tuple[Route, ...], packed: "PackedFie
 
     Each column is contiguous, since they are sampled one by one.
     """
-    found: FloatArray = np.empty((3, len(packed.travel_time))).T
+    in_fields: FloatArray = np.empty((3, len(packed.travel_time))).T
     for number, of_class in enumerate(marched.classes):
         grids = build_grids(marched.building, marched.spacing, marched.clearance, of_class.barred)
         cost = np.empty(grids.size)
@@ -89,8 +89,8 @@ def find_lengths(marched: Marched, routes: tuple[Route, ...], packed: "PackedFie
             if of_class.blocked:
                 lengths[of_class.blocked[index]] = math.inf
             for on_grids, place in places:
-                found[place] = lengths[on_grids]
-    return found
+                in_fields[place] = lengths[on_grids]
+    return in_fields
 
 
 def passable_times(marched: Marched, packed: "PackedFields") -> FloatArray:

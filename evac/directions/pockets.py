@@ -74,9 +74,9 @@ def _parts(grids: BuildingGrids, joins: BoolArray) -> IndexArray:
         nodes = joins[grid.packed].reshape(grid.window.shape)
         wide = grown(~grown(~nodes, reach), reach)
         for some in (wide, nodes & ~wide):
-            found = parts_of(some)
-            part[grid.packed][some.ravel()] = number + found
-            number += int(found.max(initial=-1)) + 1
+            component = parts_of(some)
+            part[grid.packed][some.ravel()] = number + component
+            number += int(component.max(initial=-1)) + 1
     return part
 
 

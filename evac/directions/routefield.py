@@ -342,14 +342,14 @@ class RouteField(Saved):
 
     def _behind(self, levels: Set[int]) -> set[int]:
         """Return some levels and all those whose ways lead through one of them."""
-        found = set(levels)
+        behind = set(levels)
         waiting = sorted(levels)
         while waiting:
             for level in np.flatnonzero(self.waves.leans[:, waiting.pop()]).tolist():
-                if level not in found:
-                    found.add(level)
+                if level not in behind:
+                    behind.add(level)
                     waiting.append(level)
-        return found
+        return behind
 
     def write(self, levels: Set[int]) -> None:
         """Write travel times and directions of levels that were solved, and of those beside them, to the fields."""

@@ -50,8 +50,8 @@ class Source:
 
     def waiting(self, crowd: Crowd, time: float) -> IntArray:
         """Return the people whose time has come, but who are not inside."""
-        found: IntArray = self.rows[np.isnan(crowd.arrival_time[self.rows]) & (self.due <= time + 1e-9)]
-        return found
+        due: IntArray = self.rows[np.isnan(crowd.arrival_time[self.rows]) & (self.due <= time + 1e-9)]
+        return due
 
     def let_in(self, building: Building, crowd: Crowd, time: float) -> IntArray:
         """Put people who wait to free places, in the order of their times, and return those who have come in.
@@ -108,8 +108,8 @@ def _in_area(polygon: shapely.Geometry, generator: np.random.Generator) -> Float
     """Return random places in a polygon [m]."""
     left, bottom, right, top = polygon.bounds
     places = generator.uniform((left, bottom), (right, top), (TRIES, 2))
-    found: FloatArray = places[shapely.contains_xy(polygon, *places.T)]
-    return found
+    inside: FloatArray = places[shapely.contains_xy(polygon, *places.T)]
+    return inside
 
 
 def _behind(segments: FloatArray, radius: float, generator: np.random.Generator) -> FloatArray:

@@ -50,12 +50,12 @@ def contact_radii(behaviours: Sequence[Behaviour], people: "GroupSettings", radi
         what = f"behaviour {behaviour.name!r}: contact_radius"
         with plugin_code(what, behaviour):
             own = people.behaviours.get(behaviour.name, {})
-            found = np.asarray(behaviour.contact_radius(radius.copy(), own), np.float64)
-        if found.shape != radius.shape or not ((found >= LEAST_RADIUS) & (found <= radius)).all():
-            wrong = f"returned {found!r} for the radii {radius!r} of group {people.name!r}"
+            stated = np.asarray(behaviour.contact_radius(radius.copy(), own), np.float64)
+        if stated.shape != radius.shape or not ((stated >= LEAST_RADIUS) & (stated <= radius)).all():
+            wrong = f"returned {stated!r} for the radii {radius!r} of group {people.name!r}"
             remedy = f"return an array of as many numbers, at least {LEAST_RADIUS:g} and at most these"
             raise fault(what, wrong, remedy, behaviour)
-        smallest = np.minimum(smallest, found)
+        smallest = np.minimum(smallest, stated)
     return smallest
 
 

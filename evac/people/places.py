@@ -307,7 +307,7 @@ class Places(Saved):
         """Let a person stay in a place to which it was brought."""
         self._meant[person], self.arrived[person], self._since[person] = self._index[name], True, time
 
-    def found(self) -> tuple[PeopleAt, ...]:
+    def people_at(self) -> tuple[PeopleAt, ...]:
         """Return the refuges and assembly areas with the people who have arrived."""
         rows = [np.flatnonzero(self.arrived & (self._meant == index)) for index in range(len(self._places))]
         return tuple(

@@ -337,7 +337,7 @@ def _levels_of(case: "Case", building: Building, people: "GroupSettings", positi
     points = shapely.points(x, y)
     named = building.level_named(people.level) if people.level is not None else None
     candidates = building.levels if named is None else (named,)
-    found = np.full(len(position), -1, dtype=np.int32)
+    level_of = np.full(len(position), -1, dtype=np.int32)
     least = np.full(len(position), np.inf)
     for level in sorted(candidates, key=lambda level: level.kind == "flight"):
         shapely.prepare(level.polygon)
@@ -347,15 +347,15 @@ def _levels_of(case: "Case", building: Building, people: "GroupSettings", positi
             off = np.abs(elevation(building, np.full(len(position), level.index), position) - people.z)
             is_on &= off <= HEIGHT_REACH
         better = is_on & (off < least - ROUNDING)
-        found[better], least[better] = level.index, off[better]
-    if (found < 0).any():
-        row = int(np.argmax(found < 0))
+        level_of[better], least[better] = level.index, off[better]
+    if (level_of < 0).any():
+        row = int(np.argmax(level_of < 0))
         where = f"outside level {named.name!r}" if named else f"on no level at height z = {people.z:g} m"
         raise ScenarioError(
             f"{case.source}: people.{people.name}.positions.{row}: ({x[row]:g}, {y[row]:g}) is {where}; "
             "move it, or name another level"
         )
-    return found
+    return level_of
 
 
 def _take_area(
@@ -373,7 +373,7 @@ def _take_area(
     `out`: what is left out of levels, to which those that are new are added.
     """
     generator = generator_for(seed, "people", people.name, "position")
-    widest, first, found = float(crowd.contact_radius[rows].max()), 0, list[Finding]()
+    widest, first, findings = float(crowd.contact_radius[rows].max()), 0, list[Finding]()
     for area, number in starts_of(str(case.source), people, building):
         own = rows[first : first + number]
         first += number
@@ -388,7 +388,7 @@ def _take_area(
         if area.level not in out:
             out[area.level] = left_out(building, building.levels[area.level])
         start = start_in(building, area, out[area.level], has_way)
-        found += start.findings
+        findings += start.findings
         kind = "level" if people.level is not None else "area"
         where = "" if kind == "level" else f" on level {building.levels[area.level].name!r}"
         there = np.flatnonzero(crowd.level == area.level)
@@ -403,4 +403,4 @@ def _take_area(
             start.may_start,
         )
         crowd.level[own] = area.level
-    return tuple(found)
+    return tuple(findings)

@@ -70,13 +70,13 @@ def check_ways(
         raise ScenarioError(_unreachable(source, building, fields, crowd, group, group.rows[lost[group.rows]], full))
     if fields.clearance < fields.packed.spacing:
         return ()
-    found: list[Finding] = []
+    findings: list[Finding] = []
     for route in (index for index, one in enumerate(fields.routes) if not one.refuge):
         ends = _check_walks(source, building, fields, world, crowd, groups, route)
         stopped = (ends[:, 2] >= 0.0) & (crowd.route == route)
         for group in groups:
-            found += _stopped_places(building, crowd, group, group.rows[stopped[group.rows]], ends)
-    return tuple(found)
+            findings += _stopped_places(building, crowd, group, group.rows[stopped[group.rows]], ends)
+    return tuple(findings)
 
 
 def cut_off(
@@ -226,7 +226,7 @@ def _stopped_places(
     building: Building, crowd: Crowd, group: "Group", rows: IntArray, ends: FloatArray
 ) -> list[Finding]:
     """Return a warning for each place where people of a group, in these rows, are stopped."""
-    found = []
+    findings = []
     while rows.size:
         x, y, level = ends[rows[0]]
         away = np.hypot(ends[rows, 0] - x, ends[rows, 1] - y)
@@ -238,9 +238,9 @@ def _stopped_places(
             "wide enough for them: widen the place, move them, or reduce their radius"
         )
         name, item = building.levels[int(level)].name, f"people.{group.name}"
-        found.append(Finding("warning", text, name, (float(x), float(y)), item))
+        findings.append(Finding("warning", text, name, (float(x), float(y)), item))
         rows = rows[~here]
-    return found
+    return findings
 
 
 def _affected(source: "Path", building: Building, crowd: Crowd, group: "Group", rows: IntArray, what: str) -> str:

@@ -331,7 +331,7 @@ class Simulation(Saved):
             time=self.time,
             steps=self.step,
             seed=self.seed,
-            places=self.places.found(),
+            places=self.places.people_at(),
             entered_barred=self.scene.entered,
             notes=(*self._shut_in(), *self.deciding.notes()),
             warnings=self.warnings(),

@@ -4,7 +4,6 @@ import pytest
 from shapely import box
 
 import evac
-from evac.analysis.queues import find_queues
 from evac.base.errors import ScenarioError
 from evac.report.of_run import main_results
 from evac.results.answer import answer_of
@@ -70,7 +69,7 @@ def test_who_has_arrived_waits_for_nothing(tmp_path):
     results = evac.run(case_of(on, shown=True), tmp_path / "run")
     assert results.evacuated == 8
     assert results.time > 80.0
-    queues = find_queues(results.trajectory)
+    queues = results.queues
     assert sum(queue.waited for queue in queues) < 8 * 20.0
     assert not any(
         queue.at_once[(results.trajectory.time > 50.0) & (results.trajectory.time < 60.0)].any() for queue in queues
@@ -91,7 +90,7 @@ def test_events_send_people_on_when_they_have_arrived():
     where = {}
     while not simulation.ended:
         simulation.advance_tick()
-        where[round(simulation.time, 1)] = [len(place.people) for place in simulation.places.found()]
+        where[round(simulation.time, 1)] = [len(place.people) for place in simulation.places.people_at()]
     first, last = (change.time for change in simulation.scene.changes)
     assert where[round(first - 0.1, 1)] == [8, 0]
     assert where[last] == [0, 8]
@@ -112,7 +111,7 @@ def test_a_run_of_stages_goes_on_to_the_same_bits():
     for simulation in (one, other):
         run_ticks(simulation, 100)
     assert_same_bits(one, other)
-    assert one.places.found() == other.places.found()
+    assert one.places.people_at() == other.places.people_at()
 
 
 def test_a_change_in_python_sends_a_group_back_to_its_area():

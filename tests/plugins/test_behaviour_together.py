@@ -4,7 +4,6 @@ import numpy as np
 from shapely import box
 
 import evac
-from evac.analysis.queues import find_queues
 from evac.report.of_run import main_results
 from evac.simulation.simulation import Simulation
 from tests.people.test_mobility import two_ways
@@ -76,7 +75,7 @@ def test_a_unit_gathers_and_is_counted_before_it_leaves():
 def test_who_gathers_is_in_no_queue_and_resumed_runs_know_it(tmp_path):
     case = corridor(("class", 12, {"gather": "hall"}, SPEEDS * 3), places=["hall"], count=30.0).case
     results = evac.run(case, tmp_path / "whole")
-    waited = [queue.waited for queue in find_queues(results.trajectory)]
+    waited = [queue.waited for queue in results.queues]
     assert results.last_out > 90.0
     assert sum(waited) < 12 * 3.0
     first, second = Simulation(case), Simulation(case)

@@ -1,1 +1,1 @@
-"""Travel times by marches: one field through all levels, several in processes, and routes again during a run."""
+"""Travel times by marches: one field through all levels, and routes again during a run."""

@@ -279,19 +279,19 @@ class _March:
         first, second = (np.stack(np.unravel_index(nodes - grid.offset, grid.window.shape)) for nodes in grid.passages)
         away = self.spacing * np.hypot(*(first - second))
         slowness = self.metric.slowness[grid.level, FLAT]
-        found = self.cost[behind] + away * slowness * self.metric.factor[before]
-        return np.where(found < self.cost[before] - TOLERANCE * self.spacing * slowness, found, math.inf)
+        time = self.cost[behind] + away * slowness * self.metric.factor[before]
+        return np.where(time < self.cost[before] - TOLERANCE * self.spacing * slowness, time, math.inf)
 
     def _march_through_doors(self, grid: LevelGrid) -> None:
         """March from the nodes before doors of one direction, if these lower the cost of the level."""
-        found = self._times_before_doors(grid)
-        start = float(found.min(initial=math.inf))
+        through = self._times_before_doors(grid)
+        start = float(through.min(initial=math.inf))
         if start == math.inf:
             return
         slowness = self.metric.slowness[grid.level, FLAT]
-        nodes, by_node = np.unique(grid.passages[0][np.isfinite(found)] - grid.offset, return_inverse=True)
+        nodes, by_node = np.unique(grid.passages[0][np.isfinite(through)] - grid.offset, return_inverse=True)
         known = np.full(len(nodes), math.inf)
-        np.minimum.at(known, by_node, found[np.isfinite(found)])
+        np.minimum.at(known, by_node, through[np.isfinite(through)])
         phi = np.full(grid.window.shape, self.spacing)
         phi.ravel()[nodes] = np.minimum((known - start) / slowness - 0.5 * self.spacing, self.spacing)
         time = self._solve(grid, phi, FLAT, None, self.grids.is_ground(grid))
@@ -349,10 +349,10 @@ class _March:
             table[1 + portal.index] = self.metric.slowness[beyond, away if portal is through else towards_us]
         return table
 
-    def _lower(self, grid: LevelGrid, found: FloatArray) -> None:
+    def _lower(self, grid: LevelGrid, time: FloatArray) -> None:
         """Update the costs of a level where the new ones are lower."""
         cost = self.cost[grid.packed]
-        new = found.ravel()
+        new = time.ravel()
         noticed = TOLERANCE * self.spacing * self.metric.slowness[grid.level].min()
         self.falls[grid.level] += bool((new < cost - noticed).any())
         np.minimum(cost, new, out=cost)

@@ -181,14 +181,14 @@ def build_grids(
     made = [layers.grid(level) for level in building.levels]
     grids = [(one.window, layers.renumbered(one.sheet, one.links, level)) for level, one in enumerate(made)]
     offsets = np.concatenate(([0], np.cumsum([sheet.size for _, sheet in grids])))
-    found = []
+    level_grids = []
     for level, ((window, sheet), one) in enumerate(zip(grids, made, strict=True)):
         offset = int(offsets[level])
         wide = [(door, side) for door, side in doors[level] if door.width >= barred]
         exits = [exit_.index for exit_ in layers.open_exits(level)]
         seams = {p.index: _seam(p, level, grids, offsets) for p in _open_portals(building, level)}
         stands_for = offset + _moved(layers.nodes(level)[1], own_windows[level], window)
-        found.append(
+        level_grids.append(
             LevelGrid(
                 level,
                 one.level,
@@ -204,7 +204,7 @@ def build_grids(
                 stands_for,
             )
         )
-    return BuildingGrids(building, lattice, tuple(found), tuple(walls), clearance, int(offsets[-1]), margin)
+    return BuildingGrids(building, lattice, tuple(level_grids), tuple(walls), clearance, int(offsets[-1]), margin)
 
 
 def count_nodes(building: Building, spacing: float, clearance: float) -> float:
@@ -326,10 +326,10 @@ class _Layers:
     def nodes(self, level: int) -> tuple[BoolArray, IndexArray]:
         """Return the nodes of a level, and those that stand for others; see `walkable_nodes`."""
         window, polygon, walls = self.windows[level], self.building.levels[level].polygon, self.walls[level]
-        found: tuple[BoolArray, IndexArray] = self.shared.get(
+        nodes_and_others: tuple[BoolArray, IndexArray] = self.shared.get(
             lambda: walkable_nodes(window, polygon, walls), *self._ground(level)
         )
-        return found
+        return nodes_and_others
 
     def _ground(self, level: int) -> tuple[Hashable, ...]:
         """Return what the nodes of a level follow from."""
@@ -361,7 +361,7 @@ class _Layers:
         )
         around = [index, *(portal.other(index) for portal in portals)]
         exits = self.building.exits_of(index)
-        found: _Made = self.shared.get(
+        made: _Made = self.shared.get(
             lambda: self._grid(level, window),
             window,
             *(self._ground(one) for one in around),
@@ -370,7 +370,7 @@ class _Layers:
             *(exit_.segments.tobytes() for exit_ in exits),
             *map(self.building.is_open, exits),
         )
-        return found
+        return made
 
     def _grid(self, level: Level, window: Window) -> _Made:
         lattice, index = window.lattice, level.index

@@ -41,14 +41,14 @@ def nearest_marked(nodes: BoolArray, wanted: BoolArray) -> tuple[IndexArray, Ind
     after = np.minimum.accumulate(np.where(nodes, row, 2 * far)[::-1], axis=0)[::-1]
     nearest = np.where(row - before <= after - row, before, after)  # along the column of each node
     i, j = np.nonzero(wanted)
-    squared, found, left, step = np.full(len(i), 4 * far**2), j.copy(), np.arange(len(i)), 0
+    squared, of_column, left, step = np.full(len(i), 4 * far**2), j.copy(), np.arange(len(i)), 0
     while len(left):  # columns beside that of a node, as long as they may have a nearer one
         for column in (j[left] - step, j[left] + step):
             inside = (column >= 0) & (column < nodes.shape[1])
             one, column = left[inside], column[inside]
             offer = step**2 + (nearest[i[one], column] - i[one]) ** 2
-            is_nearer = (offer < squared[one]) | ((offer == squared[one]) & (column < found[one]))
-            squared[one[is_nearer]], found[one[is_nearer]] = offer[is_nearer], column[is_nearer]
+            is_nearer = (offer < squared[one]) | ((offer == squared[one]) & (column < of_column[one]))
+            squared[one[is_nearer]], of_column[one[is_nearer]] = offer[is_nearer], column[is_nearer]
         step += 1
         left = left[step**2 <= squared[left]]
-    return nearest[i, found], found
+    return nearest[i, of_column], of_column
