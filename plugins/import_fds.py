@@ -27,7 +27,8 @@ THICKEST_SLAB, LEAST_FLOOR, SAME = 0.6, 4.0, 0.3
 THINNEST = 0.05
 #: Groups of FDS+Evac and of complex geometry that are not read.
 LEFT_OUT = {
-    "CORR": "write the stair or passage that it stands for as [[stairs]] or [[rooms]]",
+    "CORR": "write the stair or passage between its doors and entrances as [[stairs]] or [[rooms]]",
+    "DOOR": "people go on from there to the node that it names",
     "STRS": "write it as [[shafts]], with the foot, width, direction and turn of its flights",
     "ENTR": "write a group of [[people]] with arrive into case.toml for those who come in there",
     "EVSS": "write it as [[stairs]]",
@@ -42,8 +43,8 @@ class FdsImporter(Importer):
 
     Evacuation meshes of FDS+Evac state floors, EVAC_Z_OFFSET below their middle; other meshes then state none. The
     floor area is what no obstruction occupies between 0.3 and 1.7 m above the floor, except where holes are cut out of
-    them. Lines with EVACUATION=.FALSE. are not met. `&EXIT` lines of FDS+Evac are exits, unless they only count,
-    `&EVAC` lines start areas with their numbers of people, and `&DOOR` lines and open vents openings.
+    them. Lines with EVACUATION=.FALSE. are not met. `&EXIT` lines of FDS+Evac are exits, or lines if they only count,
+    `&EVAC` lines start areas with their numbers of people, and open vents openings.
     """
 
     name = "fds"
@@ -68,8 +69,10 @@ class FdsImporter(Importer):
             raise ValueError("the deck has no &MESH with XB that people can walk in")
         for one in lines:
             if one.group in LEFT_OUT or "MULT_ID" in one.text:
-                why = "its &MULT is missing" if "MULT_ID" in one.text else LEFT_OUT[one.group] + _ends(one, lines)
-                text = f"&{one.group} {one.name} (line {one.number}) is not read; {why}"
+                why = "its &MULT is missing" if "MULT_ID" in one.text else LEFT_OUT[one.group]
+                node = re.search(r"TO_NODE\s*=\s*['\"]([^'\"]*)", one.text)
+                to = f", to {node[1]}" if node else ""
+                text = f"&{one.group} {one.name} (line {one.number}){to}{one.edge} is not read; {why}"
                 kind = "missing" if one.group in ("CORR", "STRS", "EVSS") else "left out"
                 plan.note(kind, text, element=f"&{one.group}")
             elif (
@@ -80,18 +83,16 @@ class FdsImporter(Importer):
             ):
                 side = "the ground up to there is read, although it may be outside of the building"
                 plan.note("warning", f"the meshes are open at a side (&VENT, line {one.number}): {side}")
-        for one in [one for one in of["EXIT"] if one.says("COUNT_ONLY", "T")]:
-            of["EXIT"].remove(one)
-            ends = "" if one.segment is None else f" segment = {one.segment.tolist()}"
-            text = (
-                f"&EXIT {one.name} (line {one.number}) only counts people (COUNT_ONLY): to count them, write a [[line]]"
-            )
-            plan.note("left out", f"{text} with{ends} into case.toml", element="&EXIT")
         floors = _floors(of["MESH"], of["OBST"], of["HOLE"])
         storeys = [(z, floor) for z, floor in floors if floor.area >= self.least]
         if not storeys:
             raise ValueError(f"nowhere in the meshes are there {self.least:g} m2 of floor with {CLEAR:g} m above it")
         heights = np.array([z for z, _ in storeys])
+        for one in [one for one in of["EXIT"] if one.says("COUNT_ONLY", "T")]:
+            of["EXIT"].remove(one)
+            storey = one.storey_of(heights)
+            if storey is not None and one.segment is not None:
+                plan.lines.append((f"{one.name} (line {one.number})", f"floor {storey + 1}", one.segment))
         for one in (*of["EXIT"], *of["EVAC"]):
             if one.storey_of(heights) is None:
                 text = f"&{one.group} {one.name} (line {one.number}) at z = {one.middle:.2f} m is on no storey"
@@ -122,8 +123,8 @@ class FdsImporter(Importer):
                 continue
             plan.exit(f"{one.name} (line {one.number})", storey, polygon=outside)
         vents = [one for one in own["VENT"] if "OPEN" in one.text and one.segment is not None]
-        for one in [*own["DOOR"], *vents]:
-            if one.segment is not None and ground.boundary.dwithin(shapely.LineString(one.segment).centroid, OUTSIDE):
+        for one in vents:
+            if ground.boundary.dwithin(shapely.LineString(one.segment).centroid, OUTSIDE):
                 plan.opening(storey, one.segment)
         for one in own["EVAC"]:
             if not one.plan.intersects(ground):
@@ -190,6 +191,12 @@ class Line:
         return np.array([[x1, y], [x2, y]]) if x2 - x1 > y2 - y1 else np.array([[x, y1], [x, y2]])
 
     @property
+    def edge(self) -> str:
+        """Its segment and the height of the floor below, for messages."""
+        known = len(self.box) and self.segment is not None
+        return f", at {self.segment.tolist()}, z = {self.middle - Z_OFFSET:.2f} m" if known else ""
+
+    @property
     def outside(self) -> BaseGeometry:
         """The ground outside of an exit, to which its orientation IOR points."""
         found = re.search(r"IOR\s*=\s*([+-]?\d)", self.text)
@@ -201,7 +208,7 @@ class Line:
 
 
 #: Groups that are read.
-GROUPS = ("MESH", "OBST", "HOLE", "VENT", "EXIT", "DOOR", "EVAC")
+GROUPS = ("MESH", "OBST", "HOLE", "VENT", "EXIT", "EVAC")
 #: Numbers of a namelist, such as 1.5 and 2E-3.
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[ED][-+]?\d+)?"
 #: Most copies of a line that is repeated.
@@ -232,21 +239,6 @@ def _numbers(text: str, key: str) -> list[float]:
     """Return the numbers that a key of a namelist has; none without it."""
     found = re.search(rf"(?<![A-Z_]){key}\s*=((?:[\s,]*{NUMBER}(?![\w(]))*)", text)
     return [float(word.replace("D", "E")) for word in re.findall(NUMBER, found[1])] if found else []
-
-
-def _ends(one: Line, lines: list[Line]) -> str:
-    """Return the ends of a corridor of FDS+Evac, from the doors that lead to it to the node that it leads to."""
-
-    def node(line: Line) -> str:
-        found = re.search(r"TO_NODE\s*=\s*['\"]([^'\"]*)", line.text)
-        return found[1] if found else ""
-
-    texts = []
-    for other in lines:
-        is_end = node(other) == one.name.upper() or other.name.upper() == node(one)
-        if is_end and len(other.box) and other.segment is not None:
-            texts.append(f"{other.segment.tolist()} at z = {other.middle - Z_OFFSET:.2f} m")
-    return f" between the edges {' and '.join(texts)}" if texts else ""
 
 
 def _repeated(lines: list[Line]) -> Iterator[Line]:

@@ -81,6 +81,7 @@ def case_text(
     made: "Imported",
     exits: list[dict[str, Any]],
     building: dict[str, Any],
+    lines_of_case: list[dict[str, Any]],
     spacing: float | None = None,
     basis: str = "measured",
 ) -> str:
@@ -98,6 +99,8 @@ def case_text(
     lines += ["", "[building]", *toml_lines(building)]
     for exit_ in exits:
         lines += ["", "[[building.exits]]", *toml_lines(exit_)]
+    for line in lines_of_case:
+        lines += ["", "[[line]]", *toml_lines(line)]
     if not made.building.exits and made.openings:
         lines += ["", "# There is no exit yet. The widest opening:"]
         first = made.openings[0].exit()

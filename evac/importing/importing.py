@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
 
 from evac.base.errors import BuildingError, EvacError, ScenarioError, usable_path
 from evac.base.parameters import did_you_mean
@@ -176,7 +177,7 @@ def import_building(
         else:
             # Names of files need not be UTF-8.
             keys = {"mesh": building.name} | building.kept | ({"missing": list(missing)} if missing else {})
-            text = case_text(made, [] if building.name == PLAN else ways, keys, spacing, basis)
+            text = case_text(made, [] if building.name == PLAN else ways, keys, building.lines, spacing, basis)
             (draft / CASE).write_text(text, encoding="utf-8", errors="replace")
         if not made.is_accepted:
             made = replace(made, fault="the building is incomplete")
@@ -229,6 +230,8 @@ class _Draft:
         Those of the importer and on the building.
     people : dict of str to float
         People of rooms whose number the plan states, by area.
+    lines : list of dict
+        Tables [[line]] of the case.
     """
 
     def __init__(self, folder: Path, own: SurfaceOptions, registry: Registry) -> None:
@@ -238,6 +241,7 @@ class _Draft:
         keys = {"flat_angle", "walkable_angle", "treads", "weld"}
         self.kept = own.model_dump(include=keys, exclude_defaults=True)
         self.openings: list[tuple[str, Any]] = []
+        self.lines: list[dict[str, Any]] = []
 
     def keep(self, folder: Path) -> None:
         """Read the plan in a folder, and copy it with the files of its storeys that are there."""
@@ -281,6 +285,11 @@ class _Draft:
             self._comments = [f"# {line}\n" for line in plan_text({"stairs": proposed}).splitlines()]
             self._write_plan()
         self._build(self._folder / self.name)
+        for name, storey, ends in read.lines if isinstance(read, Plan) else ():
+            line = shapely.LineString(ends)
+            own = [level for level in self.written.levels if level.name.partition(" (")[0] == storey]
+            level = max(own, key=lambda level: level.polygon.intersection(line).length)
+            self.lines.append({"name": name, "level": level.name, "segment": ends.tolist()})
 
     def add(self, exits: Sequence[Mapping[str, Any]]) -> None:
         """Add exits [name, segment, level] to what has been written."""

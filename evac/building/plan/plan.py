@@ -157,6 +157,8 @@ class Plan:
         Flights and landings added one by one: the stair, the kind and the shape.
     proposals : list of (Finding, dict)
         Stairs that an importer has seen and not added: a finding, which is one of `findings`, and arguments of `stair`.
+    lines : list of (str, str, (2, 2) array [m])
+        Lines through which people are counted: name, storey and ends. `evac import` writes them into the case.
     findings : list of Finding
         Repairs and omissions made when shapes were added, and findings of importers.
 
@@ -188,6 +190,7 @@ class Plan:
         self.obstacles: list[Item] = []
         self.pieces: list[tuple[str, str, tuple[Any, ...]]] = []
         self.proposals: list[tuple[Finding, dict[str, Any]]] = []
+        self.lines: list[tuple[str, str, FloatArray]] = []
         self.findings: list[Finding] = []
         self.refused: set[str] = set()  # storeys and rooms that a plan file does not define as it should
         self.mended: list[Item] = []  # doors that it does not define so, as they are with their remedies

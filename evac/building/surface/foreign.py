@@ -32,10 +32,12 @@ SLIVER = 0.01
 LEAST_RISER, MOST_RISER = 0.05, 0.25
 #: Maximum depth of a tread [m], and minimum number of treads of a stair.
 DEEPEST, FEWEST = 0.65, 3
-#: Largest gap in plan between consecutive treads, and minimum width over which they meet [m].
+#: Largest gap in plan between consecutive treads [m].
+BETWEEN = 0.1
+#: Treads turn if the directions between consecutive ones differ from their mean by more than this [degrees].
+MOST_TURN = 25.0
+#: Largest gap in plan between faces that touch, and minimum width over which a flight meets a floor [m].
 APART, LEAST_WIDTH = 0.04, 0.4
-#: Largest distance of the centres of the treads of a flight from a straight line [m].
-STRAIGHT = 0.15
 
 
 def turned(mesh: TriangleMesh, up: str) -> TriangleMesh:
@@ -259,27 +261,32 @@ def _is_step(one: Patch, other: Patch) -> bool:
 def _with_flights(patches: list[Patch], headroom: float) -> tuple[list[Patch], list[Finding]]:
     """Replace every row of treads by one inclined patch, and remove ground with too little headroom below it."""
     notes, made, gone = list[Finding](), list[Patch](), list[Patch]()
-    for treads, lower, upper in _flights(patches):
-        places = np.array([tread.plan.centroid.coords[0] for tread in treads])
-        way = places[-1] - places[0]
-        run = float(np.hypot(*way))
-        x, y = places[0].tolist()
-        if run > 0.0 and np.abs((places - places[0]) @ np.array([-way[1], way[0]]) / run).max() <= STRAIGHT:
-            inclined = _inclined(treads, lower, upper, way / run)
-            made.append(inclined)
-            gone += treads
-            heights = inclined.height(shapely.get_coordinates(inclined.plan))
-            text = (
-                f"a flight of {len(treads)} treads, from {heights.min():z.2f} to {heights.max():z.2f} m, is "
-                "replaced by one inclined surface (treads)"
-            )
-            notes.append(Finding("assumed", text, place=(x, y, treads[0].z)))
-        else:
+    flat = [patch for patch in patches if patch.is_flat]
+    steps = [patch for patch in flat if _is_tread(patch)]
+    for numbers in chains([(patch.plan, patch.z) for patch in steps]):
+        treads = [steps[k] for k in numbers]
+        if len(treads) < FEWEST:
+            continue
+        way, winds = direction_of([tread.plan for tread in treads])
+        x, y = place_of(treads[0].plan)
+        if winds:
             text = (
                 f"a stair of {len(treads)} treads turns and is not replaced: draw it as straight flights with "
                 "landings between them"
             )
             notes.append(Finding("warning", text, place=(x, y, treads[0].z)))
+            continue
+        lower = next((floor for floor in flat if _leads(floor, treads[0])), None)
+        upper = next((floor for floor in flat if _leads(treads[-1], floor)), None)
+        inclined = _inclined(treads, lower, upper, way)
+        made.append(inclined)
+        gone += treads
+        heights = inclined.height(shapely.get_coordinates(inclined.plan))
+        text = (
+            f"a flight of {len(treads)} treads, from {heights.min():z.2f} to {heights.max():z.2f} m, is "
+            "replaced by one inclined surface (treads)"
+        )
+        notes.append(Finding("assumed", text, place=(x, y, treads[0].z)))
     kept = [patch for patch in patches if not any(patch is other for other in gone)]
     for flight in made:
         for row, patch in enumerate(kept):
@@ -289,35 +296,33 @@ def _with_flights(patches: list[Patch], headroom: float) -> tuple[list[Patch], l
     return [patch for patch in kept if not patch.plan.is_empty] + made, notes
 
 
-def _flights(patches: list[Patch]) -> list[tuple[list[Patch], Patch | None, Patch | None]]:
-    """Return the rows of treads, sorted by their lowest tread, with the floor below and above each, if there is one."""
-    flat = [patch for patch in patches if patch.is_flat]
-    is_tread = [_is_tread(patch) for patch in flat]
-    plans = np.array([patch.plan for patch in flat], dtype=object)
-    one, other = shapely.STRtree(plans).query(plans, predicate="dwithin", distance=APART) if flat else ((), ())
-    above: dict[int, list[int]] = {}
-    beneath: dict[int, list[int]] = {}
-    for a, b in zip(np.array(one).tolist(), np.array(other).tolist(), strict=True):
-        is_riser = LEAST_RISER <= flat[b].z - flat[a].z <= MOST_RISER
-        if (is_tread[a] or is_tread[b]) and is_riser and _meet(flat[a], flat[b]):
-            above.setdefault(a, []).append(b)
-            beneath.setdefault(b, []).append(a)
-    flights, seen = [], set[int]()
-    for first in sorted((k for k in range(len(flat)) if is_tread[k]), key=lambda k: (flat[k].z, k)):
-        if first in seen:
-            continue
-        row = [first]
-        while True:
-            following = [k for k in above.get(row[-1], []) if is_tread[k] and k not in seen and k not in row]
-            if len(following) != 1:
-                break
-            row += following
-        seen |= set(row)
-        if len(row) >= FEWEST:
-            near = (beneath.get(row[0], []), above.get(row[-1], []))
-            lower, upper = (next((flat[k] for k in ends if k not in row), None) for ends in near)
-            flights.append(([flat[k] for k in row], lower, upper))
-    return flights
+def chains(faces: Sequence[tuple[BaseGeometry, float]]) -> list[list[int]]:
+    """Return the rows of treads among level faces (plan, height [m]): each is one riser above the one before it."""
+    rows: list[list[int]] = []
+    for k in sorted(range(len(faces)), key=lambda k: faces[k][1]):
+        plan, z = faces[k]
+        below = [
+            (z - faces[row[-1]][1], away, number)
+            for number, row in enumerate(rows)
+            if LEAST_RISER <= z - faces[row[-1]][1] <= MOST_RISER
+            and (away := faces[row[-1]][0].distance(plan)) <= BETWEEN
+        ]
+        if below:
+            rows[min(below)[2]].append(k)
+        else:
+            rows.append([k])
+    return rows
+
+
+def direction_of(treads: Sequence[BaseGeometry]) -> tuple[FloatArray, bool]:
+    """Return the mean direction (2,) uphill of treads in plan, and whether they turn."""
+    middle = shapely.get_coordinates(shapely.centroid(treads))
+    steps = np.diff(middle, axis=0)
+    steps /= np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
+    direction = steps.sum(axis=0)
+    direction /= max(np.hypot(*direction), 1e-9)
+    turn = np.degrees(np.arccos(np.clip(steps @ direction, -1.0, 1.0))).max()
+    return direction, bool(turn > MOST_TURN)
 
 
 def _is_tread(patch: Patch) -> bool:
@@ -326,9 +331,11 @@ def _is_tread(patch: Patch) -> bool:
     return not is_floor and patch.plan.buffer(-DEEPEST / 2).is_empty and patch.plan.length > 2.0 * LEAST_WIDTH
 
 
-def _meet(one: Patch, other: Patch) -> bool:
-    """Return whether two patches meet in plan over the width of a stair."""
-    border = one.plan.boundary.intersection(other.plan.buffer(APART))
+def _leads(lower: Patch, upper: Patch) -> bool:
+    """Return whether a flat patch is one riser below another, and meets it in plan over the width of a stair."""
+    if not LEAST_RISER <= upper.z - lower.z <= MOST_RISER:
+        return False
+    border = lower.plan.boundary.intersection(upper.plan.buffer(APART))
     return bool(border.length >= LEAST_WIDTH)
 
 

@@ -13,10 +13,8 @@ from evac.base.arrays import FloatArray
 from evac.building.geometry import cut, united
 from evac.building.plan.outlines import normal
 from evac.building.recover.bodies.body import LEVEL, Body, closed, in_plan
-from evac.building.surface.foreign import LEAST_RISER, MOST_RISER
+from evac.building.surface.foreign import chains, direction_of
 
-#: Largest gap in plan between consecutive treads [m].
-APART = 0.1
 #: Minimum area [m2] and depth [m] of a tread.
 LEAST_TREAD, LEAST_DEPTH = 0.05, 0.1
 #: Nobody can step on a face with less clear height than this above it [m].
@@ -25,8 +23,6 @@ CLEAR = 1.8
 LANDING = 2.2
 #: Minimum depth of a landing between flights in one direction; a shorter one is treated as a deep tread [m].
 SHORT = 1.0
-#: A run winds if the directions between its consecutive treads differ from their mean by more than this [degrees].
-MOST_TURN = 25.0
 #: A tread of a winding flight is walked on where its depth is at least this and its riser, so at most 45 degrees [m].
 LEAST_GOING = 0.15
 #: Distances tried in turn within which consecutive treads meet [m].
@@ -87,13 +83,13 @@ def treads_of(bodies: Sequence[Body]) -> Treads:
         usual = float(np.median([plan.area for plan, _ in faces])) if faces else 0.0
         landings = [face for face in faces if len(faces) > 2 and face[0].area > LANDING * usual]
         short = [face for face in landings if _depth(face[0]) < SHORT]
-        chains = _chains([face for face in faces if face not in landings or face in short])
-        if any(len(chain) > 1 and _run(body.name, chain).winds for chain in chains):
+        rows = _rows([face for face in faces if face not in landings or face in short])
+        if any(len(chain) > 1 and _run(body.name, chain).winds for chain in rows):
             short = []
-            chains = _chains([face for face in faces if face not in landings])
+            rows = _rows([face for face in faces if face not in landings])
         treads.short += short
         treads.landings += [face for face in landings if face not in short]
-        made = [_run(body.name, chain) for chain in chains if len(chain) > 1]
+        made = [_run(body.name, chain) for chain in rows if len(chain) > 1]
         if not made:
             made = [
                 Run((body.name,), [Landing(plan, z) for z in heights], edges, 0.0)
@@ -126,34 +122,17 @@ def _depth(plan: BaseGeometry) -> float:
     return float(np.hypot(*np.diff(box[:3], axis=0).T).min()) if len(box) == 5 else 0.0
 
 
-def _chains(faces: Sequence[Landing]) -> list[list[Landing]]:
-    """Chain the faces: each is one riser above the previous one and adjacent to it."""
-    chains: list[list[Landing]] = []
-    for plan, z in faces:
-        below = [
-            chain
-            for chain in chains
-            if LEAST_RISER <= z - chain[-1][1] <= MOST_RISER and chain[-1][0].distance(plan) <= APART
-        ]
-        if below:
-            min(below, key=lambda chain: (z - chain[-1][1], chain[-1][0].distance(plan))).append(Landing(plan, z))
-        else:
-            chains.append([Landing(plan, z)])
-    return chains
+def _rows(faces: Sequence[Landing]) -> list[list[Landing]]:
+    return [[faces[k] for k in row] for row in chains(faces)]
 
 
 def _run(name: str, chain: list[Landing]) -> Run:
     """Return a chain of treads as a run, which winds if its treads turn."""
     treads = [plan for plan, _ in chain]
-    middle = np.array([plan.centroid.coords[0] for plan in treads])
     riser = float(np.median(np.diff([height for _, height in chain])))
-    steps = np.diff(middle, axis=0)
-    steps /= np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
-    direction = steps.sum(axis=0)
-    turn = np.degrees(np.arccos(np.clip(steps @ direction / max(np.hypot(*direction), 1e-9), -1.0, 1.0))).max()
-    if turn > MOST_TURN:
-        return Run((name,), chain, _winding_edges(treads, riser), riser, winds=True)
-    return Run((name,), chain, _straight_edges(treads, direction / np.hypot(*direction)), riser)
+    direction, winds = direction_of(treads)
+    edges = _winding_edges(treads, riser) if winds else _straight_edges(treads, direction)
+    return Run((name,), chain, edges, riser, winds)
 
 
 def _straight_edges(treads: Sequence[BaseGeometry], direction: FloatArray) -> FloatArray:
