@@ -193,8 +193,8 @@ class Line:
     @property
     def edge(self) -> str:
         """Its segment and the height of the floor below, for messages."""
-        known = len(self.box) and self.segment is not None
-        return f", at {self.segment.tolist()}, z = {self.middle - Z_OFFSET:.2f} m" if known else ""
+        ends = self.segment if len(self.box) else None
+        return "" if ends is None else f", at {ends.tolist()}, z = {self.middle - Z_OFFSET:.2f} m"
 
     @property
     def outside(self) -> BaseGeometry:

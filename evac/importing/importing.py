@@ -287,8 +287,8 @@ class _Draft:
         self._build(self._folder / self.name)
         for name, storey, ends in read.lines if isinstance(read, Plan) else ():
             line = shapely.LineString(ends)
-            own = [level for level in self.written.levels if level.name.partition(" (")[0] == storey]
-            level = max(own, key=lambda level: level.polygon.intersection(line).length)
+            near = [level for level in self.written.levels if level.name.partition(" (")[0] == storey]
+            level = max(near, key=lambda level: level.polygon.intersection(line).length)
             self.lines.append({"name": name, "level": level.name, "segment": ends.tolist()})
 
     def add(self, exits: Sequence[Mapping[str, Any]]) -> None:
