@@ -18,11 +18,7 @@ Made = TypeVar("Made")
 
 
 def connected_components(count: int, pairs: IndexArray) -> IndexArray:
-    """Return the component of each node of a graph.
-
-    `count`: number of nodes; `pairs` (p, 2): nodes that are connected. Returns (count,): component of each node;
-    components are numbered in the order of their first nodes.
-    """
+    """Return the component (count,) of each node of a graph with edges (p, 2), in the order of first nodes."""
     # Every node points to a node of its component that is not greater, and finally to the smallest one.
     least = np.arange(count)
     while True:
@@ -140,13 +136,7 @@ SNAP = 1e-8
 
 
 def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """Triangulate polygons with k corners each.
-
-    Polygons that are convex in plan become fans around their first corner in the order of (x, y, z);
-    others are divided by a constrained Delaunay triangulation.
-
-    `points` (v, 3); `polygons` (n, k). Returns `triangles` (t, 3); `owner` (t,): row of `polygons` of each triangle.
-    """
+    """Return triangles (t, 3) of polygons (n, k), fans of convex ones, and the row (t,) of each in `polygons`."""
     n, k = polygons.shape
     if k == 3:
         return polygons, np.arange(n)
@@ -185,10 +175,7 @@ def plan_area(corners: FloatArray) -> FloatArray:
 
 
 def union(polygons: Sequence[BaseGeometry] | NDArray[np.object_]) -> BaseGeometry:
-    """Return the union of polygons: exact if they share their sides, as cells do, else on a grid.
-
-    Without a grid, GEOS may omit a polygon if vertices of its neighbour are a rounding error away from its side.
-    """
+    """Return the union of polygons, on a grid unless they share their sides: GEOS may omit one without it."""
     if shapely.coverage_is_valid(polygons):
         return shapely.coverage_union_all(polygons)
     return shapely.union_all(polygons, grid_size=SNAP)
@@ -261,10 +248,7 @@ def lines_of(line: BaseGeometry) -> list[BaseGeometry]:
 def points_on(
     points: FloatArray, tree: shapely.STRtree, ends: FloatArray, distance: float
 ) -> tuple[IndexArray, IndexArray]:
-    """Return rows of segments (s, 2, 3) with rows of points (v, 3) between their ends, at most `distance` off them [m].
-
-    The tree has the points in plan. Both are sorted by the segments, and along each of them.
-    """
+    """Return rows of segments (s, 2, 3) and of the points (v, 3) between their ends, sorted along each of them."""
     rows, found = tree.query(shapely.linestrings(ends[:, :, :2]), predicate="dwithin", distance=distance + ROUNDING)
     along, reach = ends[rows, 1] - ends[rows, 0], points[found] - ends[rows, 0]
     square = (along * along).sum(axis=1)
@@ -303,11 +287,7 @@ def gaps_along(pieces: FloatArray, ends: FloatArray) -> FloatArray:
 
 
 def between_floors(polygon: BaseGeometry, pieces: FloatArray, reach: float) -> BoolArray:
-    """Return which pieces (p, 4) of an outline have floor beyond the wall behind most of their length.
-
-    `polygon`: the floor; `pieces` (p, 4) [m]: with the floor on their left; `reach` [m]: greatest thickness of the
-    wall.
-    """
+    """Return which pieces (p, 4) of an outline have floor beyond a wall of at most `reach` [m] behind most of them."""
     start, step = pieces[:, None, :2], (pieces[:, 2:] - pieces[:, :2])[:, None]
     outward = np.stack([step[..., 1], -step[..., 0]], axis=-1) / segment_lengths(pieces)[:, None, None]
     places = start + np.linspace(0.0, 1.0, 2 * SAMPLES + 1)[1::2, None] * step

@@ -20,14 +20,6 @@ def warnings(plan):
     return [one for one in plan.building().findings if one.kind == "warning" and "exit can be reached" not in one.text]
 
 
-def test_storeys_closer_than_the_headroom_are_warned_of():
-    (warning,) = warnings(two_storeys(z=1.5))
-    assert (warning.level, "1.50 m" in warning.text, "180.00 m2" in warning.text) == ("upper", True, True)
-    assert warnings(two_storeys(z=2.0)) == []
-    assert warnings(two_storeys(z=1.5, headroom=1.5)) == []
-    assert warnings(two_storeys(z=1.5, polygons=box(20, 0, 30, 10))) == []
-
-
 def test_the_part_of_an_area_beside_the_floor_is_reported():
     plan = two_storeys()
     plan.area("half", "ground", box(13, 4, 23, 9))

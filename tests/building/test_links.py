@@ -1,6 +1,5 @@
 """Portals, exits and stairs that are closed."""
 
-import networkx
 import pytest
 
 from evac.base.errors import BuildingError, EvacError
@@ -41,19 +40,6 @@ def test_levels_reach_exits_through_open_portals(building):
     lower = close_links(building, [building.portals[0].name])
     assert levels_reaching(lower, lower.exits[:1]) == {0}
     assert levels_reaching(lower, lower.exits[1:]) == {1, 2}
-
-
-@pytest.mark.parametrize("closed", [[], ["west"], ["stair 1"], [0]])
-def test_the_graph_has_what_is_open(building, closed):
-    names = [building.portals[one].name if isinstance(one, int) else one for one in closed]
-    building = close_links(building, names)
-    graph = building.graph()
-    links = [*building.portals, *building.exits]
-    found = {key: (kept["name"], kept["width"]) for _, _, key, kept in graph.edges(keys=True, data=True)}
-    assert found == {k: (link.name, link.width) for k, link in enumerate(links) if building.is_open(link)}
-    for way in filter(building.is_open, building.exits):
-        part = networkx.node_connected_component(graph, ("exit", way.index))
-        assert levels_reaching(building, [way]) == {index for kind, index in part if kind == "level"}
 
 
 def test_unknown_names_are_refused(building):

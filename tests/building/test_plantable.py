@@ -100,7 +100,7 @@ def test_the_planes_of_a_flight_have_heights():
         ("POLYGON ((4 0, 8 0, 8 2, 4 2, 4 0))", None, "corners with heights"),
         ("POLYGON Z ((4 0 0, 8 0 2, 8 2 3, 4 2 0, 4 0 0))", None, "off the plane"),
         ("POLYGON Z ((4 0 0, 8 0 2, 8 2 2, 4 2 0, 4 0 0))", [(4, 0), (4, 2)], "not both"),
-        (None, [(4, 0), (4, 2)], "upper_edge is missing"),
+        (None, [(4, 0), (4, 2)], "upper_edge: a segment must be"),
     ],
 )
 def test_a_flight_is_between_edges_or_in_one_plane(polygon, edge, match):

@@ -5,13 +5,13 @@ import html
 import resource
 from collections import defaultdict
 
-import networkx
 import numpy as np
 import pytest
 import shapely
 
 import evac
 from evac import BuildingError, import_building
+from evac.building.model.links import levels_reaching
 from evac.cli.main import main
 from evac.importing.rooms import NEGLIGIBLE
 from tests.importing.independent import FOREIGN, TABLE, rows_of
@@ -66,10 +66,9 @@ def test_the_whole_building_is_imported(tmp_path, name):
     assert made.fault == ""
     assert EXPECTED[name] == {quantity: found[quantity] for quantity in EXPECTED[name]}
     # Nobody starts in stairwells. Ground without a way out, such as a shaft, is negligible, and told with its place.
-    graph = made.building.graph()
-    joined = {node for way in graph if way[0] == "exit" for node in networkx.node_connected_component(graph, way)}
+    joined = levels_reaching(made.building, made.building.exits)
     empty = [room for room in made.rooms if not room.number]
-    wells, empty = ([one for one in empty if (("level", one.level) in joined) == is_open] for is_open in (True, False))
+    wells, empty = ([one for one in empty if (one.level in joined) == is_open] for is_open in (True, False))
     for room in wells:
         (area,) = [one for one in made.building.areas if one.name == room.name]
         ends = [portal.segments for portal in made.building.portals_of(room.level)]

@@ -40,11 +40,7 @@ def ways_onto(building: Building, level: int) -> dict[str, list[Portal]]:
 
 
 def _origin(building: Building, link: int, towards: str) -> int:
-    """Return where a link is passed from in a direction, as in `Building.one_way`.
-
-    Of portals and stairs, the direction is ``"up"`` or ``"down"``, or the name of the level to which the portal leads;
-    of exits, ``"in"`` or ``"out"``; of doors, the name of an area on the side to which they lead.
-    """
+    """Return where a link is passed from in a direction, as in `Building.one_way`; see the event ``one_way``."""
     way = building.links[link]
     if isinstance(way, Door):
         return _side_from(building, way, towards)
@@ -188,11 +184,7 @@ def building_at(building: Building, changes: Iterable[Change], time: float) -> B
 
 
 def states_of(building: Building, changes: Iterable[Change]) -> list[list[tuple[float, bool]]]:
-    """Return when each link is open.
-
-    Returns a list of (float, bool) for each link, portals first: whether it is open at the start, with time 0, and
-    each time [s] at which that changes.
-    """
+    """Return for each link whether it is open at the start, with time 0, and each time [s] at which that changes."""
     states = [[(0.0, link not in building.closed)] for link in range(len(building.links))]
     for change in changes:
         after = building_at(building, [change], change.time)

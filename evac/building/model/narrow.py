@@ -29,13 +29,7 @@ JOINED = 1e-6
 
 
 def narrow_places(building: Building, widths: ArrayLike) -> tuple[Finding, ...]:
-    """Return a warning for each place that is too narrow for some bodies.
-
-    Inside a level, these are the gaps between walls that some bodies fit through and others do not, and those at which
-    the ground falls apart for the widest body.
-
-    `widths` (n,) [m]: diameters of the bodies.
-    """
+    """Return a warning for each link or gap within a level too narrow for some of the diameters (n,) [m]."""
     bodies = np.atleast_1d(np.asarray(widths, dtype=np.float64))
     widest = float(bodies.max())
     notes = []
@@ -85,11 +79,7 @@ def gaps_at(
 
 
 def gaps_below(polygon: BaseGeometry, width: float = CLOSED) -> FloatArray:
-    """Return segments (g, 4) across gaps of a level that are narrower than `width` [m].
-
-    By default, these are gaps between walls that fail to meet. Each segment leads through the level from a corner of
-    the outline to the nearest point of a side within that distance. Consecutive sides do not form a gap.
-    """
+    """Return segments (g, 4) across gaps narrower than `width` [m], by default of walls that fail to meet."""
     pairs = _pairs(polygon, width)
     return pairs.across(polygon, pairs.arcs(pairs.length).min(axis=1) > FAR_ALONG * width, pairs.ends)
 

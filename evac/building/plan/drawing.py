@@ -1,6 +1,5 @@
 """Conversion of a plan to a surface mesh: doors join rooms, obstacles and stairs are cut out, exits are opened."""
 
-import itertools
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -106,7 +105,6 @@ class Drawing:
         for item in plan.openings:
             assert item.segment is not None
             self.openings += [(item.storey, piece) for piece in _on_outline(self.floors[item.storey], item.segment)]
-        self._find_low_storeys()
         self._find_areas_beside_floors()
         surfaces: list[Drawn] = [*self._ground(), *(drawn for drawn in obstacles if drawn is not None)]
         if not surfaces:
@@ -141,20 +139,6 @@ class Drawing:
     ) -> None:
         """Add a finding about an item (by key) on a storey, at a geometry or at the middle of a segment."""
         self.findings.append(Finding(kind, text, storey, place_of(at), item, remedy))
-
-    def _find_low_storeys(self) -> None:
-        """Warn of floors that overlap in plan with less than the headroom between them."""
-        headroom = self.plan.headroom
-        for lower, upper in itertools.combinations(sorted(self.plan.storeys.values(), key=lambda storey: storey.z), 2):
-            height = upper.z - lower.z
-            if 0.0 < height < headroom:
-                both = common(self.floors[lower.name], self.floors[upper.name])
-                if both.area > LEAST_REPORTED:
-                    text = (
-                        f"storey {upper.name!r} is only {height:.2f} m above storey {lower.name!r}, less than the "
-                        f"headroom of {headroom:g} m, where {both.area:.2f} m2 of their floors overlap; check z of both"
-                    )
-                    self._find("warning", text, upper.name, both, f"storeys.{upper.name}")
 
     def _find_areas_beside_floors(self) -> None:
         """Tell of the parts of areas that are not on the floor of their storey, which do not belong to the areas."""

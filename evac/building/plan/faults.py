@@ -91,10 +91,7 @@ class _Drawn:
         ]
 
     def _remedy(self, error: Finding, doors: list[Item]) -> str:
-        """Return the first change of its item that removes an error or a warning; or ``remove it``, of an error.
-
-        `doors`: those that are right, to which the one that a remedy moves is added.
-        """
+        """Return the first change of its item, beside doors that are right, that removes an error or a warning."""
         section, _, name = (error.item or "").partition(".")
         given = [item for item in getattr(self.plan, section) if item.name == name] if section in MENDED else []
         if error.remedy or not given:  # such as of a stair of flights and landings

@@ -50,11 +50,7 @@ def naming_part(source: Path, part: str) -> Iterator[None]:
 
 
 def geometries(given: Shape) -> Iterator[BaseGeometry]:
-    """Yield the simple geometries that a shape is made of; collections, nested or not, are flattened.
-
-    `given`: WKT if it is text, GeoJSON (geometry, feature or collection) if it is a mapping; a sequence of points (x,
-    y) is the outline of a polygon, any other sequence is a sequence of shapes.
-    """
+    """Yield the simple geometries of a shape; a sequence of points (x, y) is the outline of a polygon."""
     if isinstance(given, BaseGeometry):
         yield from _simple(given)
     elif isinstance(given, str):
@@ -241,10 +237,7 @@ def strip(polygon: BaseGeometry, ends: FloatArray, way: FloatArray, reach: float
 
 
 def strips(polygon: BaseGeometry, ends: FloatArray, ways: FloatArray, reach: float) -> tuple[Strip | None, ...]:
-    """Return the strips of ground between a segment and a floor in some directions, None where there is no floor.
-
-    `polygon`: the floor; `ends` (2, 2) [m]; `ways` (n, 2): unit vectors across the segment; `reach` [m].
-    """
+    """Return the ground from a segment (2, 2) along unit vectors (n, 2) to a floor; None where there is none."""
     far = ends + (reach + LEAST_LENGTH) * ways[:, None]
     corridors = shapely.polygons(np.concatenate([np.broadcast_to(ends, far.shape), far[:, ::-1]], axis=1))
     parts, owner = shapely.get_parts(shapely.difference(corridors, polygon, grid_size=GRID), return_index=True)

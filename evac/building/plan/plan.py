@@ -134,7 +134,8 @@ class Plan:
     """A building drawn in plan, from which a surface mesh, a `Building` or a case can be made.
 
     Shapes are shapely geometries, WKT, GeoJSON, lists of corners [x, y], or lists of these; lengths are in metres.
-    Items may be added in any order. Errors in their combination are found by `surface`.
+    Items may be added in any order. A name that is used already, and arguments that do not define an item, are a
+    `BuildingError`; errors in their combination are found by `surface`.
 
     Parameters
     ----------
@@ -236,11 +237,6 @@ class Plan:
             Instead of polygons: another storey, whose polygons, rooms, doors, areas and obstacles this one repeats. The
             copies are named by this storey: a room ``office`` of a storey like it becomes ``NAME office``, where the
             name of the other storey at its beginning is left out.
-
-        Raises
-        ------
-        BuildingError
-            The name is already used, or the shape is invalid.
         """
         what = f"storey {name!r}"
         self._check_new("storeys", name, self.storeys)
@@ -278,11 +274,6 @@ class Plan:
             Number of people, which groups take that do not state another, and `evac import` writes to the case.
         density : float [1/m2]
             People per square metre, instead of their number.
-
-        Raises
-        ------
-        BuildingError
-            The name is already used, or the shape is invalid.
         """
         what = f"room {name!r}"
         self._check_new("rooms", name, [room.name for room in self.rooms])
@@ -339,11 +330,6 @@ class Plan:
             Gap between the two flights, if `turn` is given.
         handrails : float [m]
             Width at each side of its flights on which nobody walks, as that of handrails or of a boundary layer.
-
-        Raises
-        ------
-        BuildingError
-            The name is already used, or the arguments do not define a stair.
         """
         values = (name, lower, lower_edge, upper, upper_edge, length, direction, landing, landings, turn)
         self.stairs.append(self._checked("stair", (*values, gap, handrails)))
@@ -389,11 +375,6 @@ class Plan:
             Dog-leg stairs are U-shaped, and need `turn` or both edges. By default what the other arguments say.
         rise, going : float [m]
             Instead of `length`: height of a step and its depth in plan, from which the length follows for each storey.
-
-        Raises
-        ------
-        BuildingError
-            The name is already used, or the arguments do not define stairs.
         """
         what = f"shaft {name!r}"
         if (foot is None) == (lower_edge is None) or (foot is None) != (width is None):
@@ -461,11 +442,6 @@ class Plan:
             Their heights.
         polygon : shape
             Instead of edges: polygons whose corners have heights, such as ``POLYGON Z ((...))``, each in one plane.
-
-        Raises
-        ------
-        BuildingError
-            The arguments do not define a flight.
         """
         what = f"a flight of stair {stair!r}"
         if polygon is not None:
@@ -474,9 +450,6 @@ class Plan:
             with naming_part(self.source, what):
                 self.pieces.append((stair, "slope", (inclined_of(polygon),)))
             return
-        for key, value in (("lower_edge", lower_edge), ("upper_edge", upper_edge)):
-            if value is None:
-                raise BuildingError(f"{self.source}: {what}: {key} is missing; give both edges, or polygon")
         ends = [self._segment(what, "lower_edge", lower_edge), self._segment(what, "upper_edge", upper_edge)]
         heights = [self._number(what, key, z) for key, z in (("lower_z", lower_z), ("upper_z", upper_z))]
         self.pieces.append((stair, "flight", (ends[0], heights[0], ends[1], heights[1])))
@@ -516,11 +489,6 @@ class Plan:
             suggests as an exit.
         control : mapping
             How it lets people through, such as ``{"every": 2.0}``: the keys of `evac.base.change.Control`.
-
-        Raises
-        ------
-        BuildingError
-            An argument is invalid.
         """
         what = f"door {name!r}"
         if outside not in OUTSIDE:
@@ -552,11 +520,6 @@ class Plan:
             the floor is part of the exit.
         control : mapping
             As for `door`.
-
-        Raises
-        ------
-        BuildingError
-            The name is already used, or the shape is invalid.
         """
         what = f"exit {name!r}"
         self._check_new("exits", name, [way.name for way in self.exits])
@@ -570,13 +533,7 @@ class Plan:
         self.exits += [replace(self._line(what, name, storey, one), control=own) for one in several]
 
     def opening(self, storey: str, segment: Shape, name: str = "") -> None:
-        """Add an opening to the outside that is not declared as an exit; `evac import` suggests it as an exit.
-
-        Raises
-        ------
-        BuildingError
-            The segment is invalid.
-        """
+        """Add an opening to the outside that is not declared as an exit; `evac import` suggests it as an exit."""
         self.openings.append(self._line("an opening", name, storey, segment))
 
     def area(self, name: str, storey: str, polygon: Shape) -> None:
@@ -584,11 +541,6 @@ class Plan:
 
         The polygon may be a table that ties it to a room: ``{"rooms": ["office"], "inset": 0.5}`` is the ground of the
         room without a rim of 0.5 m, by default all of it.
-
-        Raises
-        ------
-        BuildingError
-            The name is already used, or the shape is invalid.
         """
         self._check_new("areas", name, [area.name for area in self.areas])
         if _is_tie(polygon):
@@ -597,13 +549,7 @@ class Plan:
         self.areas.append(Item(name, storey, polygons=self._polygons(f"areas.{name}", storey, polygon)))
 
     def obstacle(self, name: str, storey: str, polygon: Shape) -> None:
-        """Add an obstacle: it is cut out of the floor of its storey, and its outline becomes a wall.
-
-        Raises
-        ------
-        BuildingError
-            The shape is invalid.
-        """
+        """Add an obstacle: it is cut out of the floor of its storey, and its outline becomes a wall."""
         self.obstacles.append(Item(name, storey, polygons=self._polygons(f"obstacles.{name}", storey, polygon)))
 
     def take(self, name: str, other: "Plan") -> None:

@@ -44,12 +44,7 @@ def read_table(path: Path) -> dict[str, Any]:
 
 
 def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = "") -> Plan:
-    """Return the plan that a table describes.
-
-    `table`: numbers under `NUMBERS`, and lists of tables under the keys of `SECTIONS`, with the arguments of that
-    method of `evac.building.plan.plan.Plan`; `source`: name of the plan in messages; `folder`: folder that paths of
-    storey files are relative to; `prefix`: prefix of keys in messages.
-    """
+    """Return the plan of a table, as a plan file in `folder` has; `prefix` is that of its keys in messages."""
     plan, errors = Plan(source, **{key: table[key] for key in NUMBERS if key in table}), list[Finding]()
     for key in table:
         if key not in (*NUMBERS, *SECTIONS):

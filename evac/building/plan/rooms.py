@@ -24,10 +24,7 @@ REPEATED = ("doors", "areas", "obstacles")
 
 
 def expanded(plan: Plan, errors: list[Finding]) -> Plan:
-    """Return the plan in which all ground is in polygons of storeys, and each stair leads from storey to storey.
-
-    What cannot be resolved is left out, with an error.
-    """
+    """Return the plan with all ground in polygons of storeys, and stairs from storey to storey; notes errors."""
     flat, order = copy.copy(plan), dict[str, list[str]]()
     for name in plan.storeys:
         with noting(errors, f"storey {name!r}", f"storeys.{name}", name):

@@ -31,15 +31,7 @@ class Piece:
 
 
 def flight(lower: FloatArray, z_lower: float, upper: FloatArray, z_upper: float) -> list[Piece]:
-    """Return the flight between two edges: one plane, or two triangles if the edges are not parallel.
-
-    Parameters
-    ----------
-    lower, upper : (2, 2) float64 [m]
-        The edges.
-    z_lower, z_upper : float [m]
-        Their heights.
-    """
+    """Return the flight between two edges (2, 2) [m]: one plane, or two triangles if they are not parallel."""
     upper = _like(lower, upper)
     along, beside = lower[1] - lower[0], upper[1] - upper[0]
     skew = np.degrees(np.arccos(np.clip(along @ beside / (np.hypot(*along) * np.hypot(*beside)), -1.0, 1.0)))

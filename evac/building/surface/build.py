@@ -43,11 +43,7 @@ DEFAULT = BuildingOptions()
 def build_building(
     mesh: SurfaceMesh, source: Path, options: BuildingOptions = DEFAULT, *, need_exit: bool = True
 ) -> Building:
-    """Build a `Building` from a surface mesh with or without tags.
-
-    The result depends only on the geometry, not on the order of vertices and cells or on their orientation.
-    Walls have the inside of their level on their left.
-    """
+    """Build a `Building` from a surface mesh; it depends on the geometry only, not on the order of cells."""
     if options.north is None:
         options = options.model_copy(update={"north": mesh.north})
     return building_of(clean(mesh, source, options), source, options, need_exit=need_exit)
@@ -62,17 +58,6 @@ def building_of(
     surface: Surface, source: Path, options: BuildingOptions = DEFAULT, *, need_exit: bool = True
 ) -> Building:
     """Return the building of a clean surface; see `build_building` for the arguments and errors."""
-    try:
-        return _building_of(surface, source, options, need_exit)
-    except BuildingError as error:
-        if not surface.doubts:
-            raise
-        found = error.findings or (Finding("error", str(error).removeprefix(f"{source}: ")),)
-        text = "; ".join([found[-1].text, *(doubt.text for doubt in surface.doubts)])
-        raise refusal(source, [*found[:-1], replace(found[-1], text=text)]) from error
-
-
-def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_exit: bool) -> Building:
     table = edge_table(source, surface.vertices, surface.triangles)
     level_set = find_levels(source, surface, table)
     tagged_exits, walls, wall_level = find_exits_and_walls(source, surface, table, level_set)

@@ -118,10 +118,7 @@ def weld_for(miss: float) -> float:
 
 
 def check_depth(building: Building) -> Iterator[Finding]:
-    """Yield an error for each level less than 1 m deep between two portals that face each other.
-
-    Portals side by side, or at right angles on a quarter landing, may be closer.
-    """
+    """Yield an error for each level less than 1 m deep between two portals that face each other."""
     for level in building.levels:
         for one, other in itertools.combinations(building.portals_of(level.index), 2):
             for a, b in itertools.product(one.segments_from(level.index), other.segments_from(level.index)):

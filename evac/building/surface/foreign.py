@@ -56,13 +56,7 @@ def _turned(points: FloatArray) -> FloatArray:
 def walked_surface(
     mesh: TriangleMesh, points: FloatArray, is_steep: BoolArray, options: SurfaceOptions
 ) -> tuple[TriangleMesh, FloatArray]:
-    """Remove ground inside solid bodies or with too little headroom, and replace treads by inclined flights.
-
-    A mesh without solid bodies and treads is returned unchanged.
-
-    `points` (v, 3) [m]: its points; `is_steep` (t,): cells too steep to walk on. Returns `points` (w, 3) [m]: its
-    points.
-    """
+    """Return mesh and points without ground in solid bodies or with little headroom; treads become inclined flights."""
     weld, headroom, treads = options.weld, options.headroom, options.treads
     heights = points[mesh.triangles][:, :, 2]
     steps = np.diff(np.unique(np.round(heights[np.ptp(heights, axis=1) <= weld][:, 0], 3)))

@@ -181,10 +181,7 @@ def _connected_cells(surface: Surface, table: EdgeTable, group: IndexArray, name
 
 
 def _parts_that_turn(surface: Surface, label: IndexArray, one: IndexArray, other: IndexArray) -> IndexArray:
-    """Return the part of its flight to which each cell belongs: 0, unless the flight turns too far for one level.
-
-    `label` (t,): flight or floor of each cell; `one`, `other` (e,): cells that share an edge.
-    """
+    """Return the part (t,) of its flight in which each cell is: 0, unless the flight turns too far."""
     part = np.zeros(len(label), dtype=np.int64)
     heading = np.arctan2(surface.gradient[:, 1], surface.gradient[:, 0])
     inner = label[one] == label[other]
@@ -391,8 +388,7 @@ def find_exits_and_walls(
                 cause = (
                     "is not a free edge of the walkable surface" if row is None else f"also has the tag {taken[row]!r}"
                 )
-                near = "" if row is not None else _nearest_free_edge(surface, table.ends[free], (a, b))
-                raise BuildingError(f"{source}: the edge {place} of {tag!r} {cause}; move or remove the tag{near}")
+                raise BuildingError(f"{source}: the edge {place} of {tag!r} {cause}; move or remove the tag")
             rows.append(row)
             taken[row] = tag
         exits.append(_tagged_exit(source, surface, table, level_set, len(exits), tag, np.array(rows, dtype=np.int64)))
@@ -457,12 +453,3 @@ def _tagged_exit(
         raise BuildingError(f"{source}: {tag!r} lies on the levels {names}; give each part its own name")
     segments = np.concatenate(chains(surface.vertices, table.ends[rows]))
     return Exit(index, tag.removeprefix("exit:"), int(on[0]), segments, float(segment_lengths(segments).sum()))
-
-
-def _nearest_free_edge(surface: Surface, free: IndexArray, edge: tuple[int, int]) -> str:
-    """Describe, for a message, the free edge whose midpoint is nearest to that of an edge."""
-    middle = surface.vertices[list(edge)].mean(axis=0)
-    distance = np.linalg.norm(surface.vertices[free].mean(axis=1) - middle, axis=1)
-    if not len(free):
-        return ""
-    return f"; the nearest free edge is {edge_place(surface.vertices, free[distance.argmin()])}"

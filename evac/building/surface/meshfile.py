@@ -15,10 +15,7 @@ LINE, TRIANGLE = 1, 2
 
 
 def write_surface(mesh: SurfaceMesh, path: Path) -> None:
-    """Write a triangulated surface mesh; equal meshes give identical files.
-
-    A cell or edge with several tags is written once for each of them, as in Gmsh; readers merge them.
-    """
+    """Write a triangulated surface mesh; a cell or edge with several tags is written once for each, as in Gmsh."""
     whole = checked(path, mesh)
     groups = [(1, LINE, tag, pairs) for tag, pairs in whole.edge_tags.items()]
     groups += [(2, TRIANGLE, tag, whole.triangles[mask]) for tag, mask in whole.cell_tags.items()]
@@ -42,10 +39,7 @@ def write_surface(mesh: SurfaceMesh, path: Path) -> None:
 
 
 def tagged_surface(surface: Surface, building: Building) -> SurfaceMesh:
-    """Return a surface as a mesh with a tag for each floor and stair of its building.
-
-    A building read from this mesh has the same levels, areas, tagged exits and obstacles.
-    """
+    """Return a surface as a mesh with tags for its floors and stairs, from which an equal building is made."""
     row_of = {tuple(cell): row for row, cell in enumerate(surface.triangles.tolist())}
     tags: dict[str, BoolArray] = {}
     for level in building.levels:

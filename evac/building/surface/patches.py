@@ -67,10 +67,7 @@ class Patch:
 
 
 def patches_of(points: FloatArray, triangles: IndexArray, body: IndexArray, tags: dict[str, np.ndarray]) -> list[Patch]:
-    """Join cells, none of them upright, to patches, sorted by place.
-
-    `points` (v, 3) [m]; `triangles` (t, 3); `body` (t,): body of each cell; `tags` (t,).
-    """
+    """Join cells (t, 3), none upright, of bodies (t,) and with tags (t,) to patches, sorted by place."""
     corners = points[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     rise = -normal[:, :2] / normal[:, 2:]

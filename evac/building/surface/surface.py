@@ -47,7 +47,6 @@ class Surface:
     doors: tuple[tuple[str, FloatArray], ...] = ()
     uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)  # use and people of areas
     controls: Mapping[str, Control] = field(default_factory=dict)
-    doubts: tuple[Finding, ...] = ()  # those of the findings that errors repeat, since they may tell the cause
 
 
 def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
@@ -55,7 +54,7 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     weld, walkable_angle, scale = options.weld, options.walkable_angle, options.scale
     check_resolution(mesh.source, mesh.points, scale, weld)
     points = mesh.points * scale
-    doubts = (*check_extent(mesh, points, scale), *(doubted_axis(mesh, points) if options.up == "z" else ()))
+    doubts = [*check_extent(mesh, points, scale), *(doubted_axis(mesh, points) if options.up == "z" else ())]
     is_upright = np.rad2deg(slope_angle(points[mesh.triangles])) > walkable_angle + 1e-9
     mesh, points = walked_surface(mesh, points, is_upright, options)
     notes = [*mesh.findings, *doubts]
@@ -109,7 +108,7 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     gradient = -normal[:, :2] / normal[:, 2:] + 0.0
     is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= options.flat_angle
     doors = tuple((name, scale * ends) for name, ends in mesh.doors)
-    kept = doors, mesh.uses, mesh.controls, doubts
+    kept = doors, mesh.uses, mesh.controls
     return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), *kept)
 
 
@@ -133,10 +132,7 @@ def slope_angle(corners: FloatArray) -> FloatArray:
 
 
 def _check_stairs(source: Path, corners: FloatArray, steep: dict[str, BoolArray], walkable_angle: float) -> None:
-    """Refuse flights of tagged stairs that are too steep; risers and the sides of stairs are no flights.
-
-    `corners` (t, 3, 3) [m]; `steep` (t,): cells that are too steep to walk on, by tag.
-    """
+    """Refuse flights of tagged stairs that are too steep, among the cells (t,) that are; risers are no flights."""
     rise, angle = np.ptp(corners[:, :, 2], axis=1), slope_angle(corners)
     errors = []
     is_flight = (rise > MOST_RISER) & (np.rad2deg(angle) < UPRIGHT)
@@ -157,10 +153,7 @@ def _check_stairs(source: Path, corners: FloatArray, steep: dict[str, BoolArray]
 
 
 def _distinct(triangles: IndexArray, tags: dict[str, BoolArray]) -> tuple[IndexArray, IndexArray, dict[str, BoolArray]]:
-    """Drop repeated cells (Gmsh 2.2 writes a cell once for each of its groups) and merge their tags.
-
-    Returns the distinct cells, the row of `triangles` of each, and the tags.
-    """
+    """Return the distinct cells, since Gmsh 2.2 repeats them, the row of `triangles` of each, and the merged tags."""
     distinct, first, row = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True, return_inverse=True)
     joined = {}
     for name, mask in tags.items():

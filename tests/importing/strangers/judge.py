@@ -13,6 +13,7 @@ import shapely
 from shapely import LineString
 
 from evac import EvacError, import_building
+from evac.building.model.links import levels_reaching
 from tests.importing.strangers.truth import Truth
 
 #: What of an opening may be wrong: its place, its width [m]; and of the area of a storey.
@@ -216,10 +217,7 @@ def _stairs(truth, building, local):
 
 def _reached(truth, building, local, stranger):
     """Return rooms that cannot be left, and ground that can although there is none."""
-    graph = building.graph()
-    exits = [node for node in graph if node[0] == "exit"]
-    joined = {node for exit_ in exits for node in networkx.node_connected_component(graph, exit_)}
-    reached = [level for level in building.levels if ("level", level.index) in joined]
+    reached = [building.levels[index] for index in sorted(levels_reaching(building, building.exits))]
     found = []
     for k, storey in enumerate(truth.storeys):
         ground = shapely.union_all(
