@@ -58,6 +58,17 @@ def building_of(
     surface: Surface, source: Path, options: BuildingOptions = DEFAULT, *, need_exit: bool = True
 ) -> Building:
     """Return the building of a clean surface; see `build_building` for the arguments and errors."""
+    try:
+        return _building_of(surface, source, options, need_exit)
+    except BuildingError as error:
+        if not surface.doubts:
+            raise
+        found = error.findings or (Finding("error", str(error).removeprefix(f"{source}: ")),)
+        text = "; ".join([found[-1].text, *(doubt.text for doubt in surface.doubts)])
+        raise refusal(source, [*found[:-1], replace(found[-1], text=text)]) from error
+
+
+def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_exit: bool) -> Building:
     table = edge_table(source, surface.vertices, surface.triangles)
     level_set = find_levels(source, surface, table)
     tagged_exits, walls, wall_level = find_exits_and_walls(source, surface, table, level_set)

@@ -47,6 +47,7 @@ class Surface:
     doors: tuple[tuple[str, FloatArray], ...] = ()
     uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)  # use and people of areas
     controls: Mapping[str, Control] = field(default_factory=dict)
+    doubts: tuple[Finding, ...] = ()  # those of the findings that errors repeat, since they may tell the cause
 
 
 def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
@@ -54,7 +55,7 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     weld, walkable_angle, scale = options.weld, options.walkable_angle, options.scale
     check_resolution(mesh.source, mesh.points, scale, weld)
     points = mesh.points * scale
-    doubts = [*check_extent(mesh, points, scale), *(doubted_axis(mesh, points) if options.up == "z" else ())]
+    doubts = (*check_extent(mesh, points, scale), *(doubted_axis(mesh, points) if options.up == "z" else ()))
     is_upright = np.rad2deg(slope_angle(points[mesh.triangles])) > walkable_angle + 1e-9
     mesh, points = walked_surface(mesh, points, is_upright, options)
     notes = [*mesh.findings, *doubts]
@@ -108,7 +109,7 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     gradient = -normal[:, :2] / normal[:, 2:] + 0.0
     is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= options.flat_angle
     doors = tuple((name, scale * ends) for name, ends in mesh.doors)
-    kept = doors, mesh.uses, mesh.controls
+    kept = doors, mesh.uses, mesh.controls, doubts
     return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), *kept)
 
 
