@@ -182,7 +182,7 @@ def test_a_stair_that_turns_is_warned_of_with_its_place(tmp_path):
 def test_a_building_into_which_nobody_fits_is_refused_with_the_scale_that_helps(tmp_path, size, scale, factor):
     model = Model()
     model.flat(0, 0, 12 * size, 8 * size, 0.0)
-    with pytest.raises(BuildingError, match=rf"{12e3 * size * scale:g} mm.*building\.scale = {factor} "):
+    with pytest.raises(BuildingError, match=rf"measures {12 * size * scale:g} x .*building\.scale = {factor}, "):
         model.read(tmp_path, scale=scale)
 
 

@@ -378,10 +378,9 @@ class Drawing:
             self.floors[storey] = cut(floor, united(away))
             area = floor.area - self.floors[storey].area
             text = f"{area:.2f} m2 of floor cut away for {self.plan.headroom:g} m of headroom at stair {name!r}"
-            item = next(
-                (key_of("stairs", stair) for stair in self.plan.stairs if stair.name == name), f"flights.{name}"
-            )
-            self._find("assumed", text, storey, max(away, key=lambda part: part.area), item)
+            keys = {stair.name: key_of("stairs", stair) for stair in self.plan.stairs}
+            largest = max(away, key=lambda part: part.area)
+            self._find("assumed", text, storey, largest, keys.get(name, f"flights.{name}"))
 
     def _join(self, stair: Stair, end: str, storey: str, edge: FloatArray, way: FloatArray) -> None:
         """Check that an end of a stair lies on the outline of its floor, and close a small gap between them."""

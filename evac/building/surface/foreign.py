@@ -107,15 +107,12 @@ def _walked_on(
     own = [patch for patch in patches if patch.body in solid]
     beside = _beside(own)
     free, notes = [], list[Finding]()
-    low_area, places, stood, hollow = 0.0, [], list[BaseGeometry](), set[int]()
+    low_area, places, hollow = 0.0, [], set[int]()
     for k, patch in enumerate(own):
         inside = _inside(patch, [own[j] for j in beside[k] if own[j].body in closed])
         hollow |= {patch.body} & set(inside)
-        others = [part for body, part in inside.items() if body != patch.body]
         same = [own[j].over(patch, -TOUCHING, TOUCHING) for j in beside[k] if j < k and _is_again(own[j], patch)]
         rest = patch.without(shapely.union_all([*inside.values(), *same]))
-        if patch.body not in inside:
-            stood += [part for part in others if part.area > LEAST_TOP / 100.0]
         low = shapely.union_all([own[j].over(rest, _least(own[j], patch), headroom) for j in beside[k]])
         if not low.is_empty and low.area > LEAST_TOP / 100.0:
             low_area += low.area
@@ -124,9 +121,6 @@ def _walked_on(
         free += [replace(rest, plan=part) for part in parts[~shapely.is_empty(shapely.buffer(parts, -SLIVER / 2))]]
     if hollow:
         notes.append(Finding("found", f"{len(hollow)} solid bodies; people walk on their upper faces (headroom)"))
-    if stood:
-        text = f"{len(stood)} bodies stand on or in the floor of others and are cut out of it; one of them is here"
-        notes.append(Finding("found", text, place=place_of(stood[0])))
     if low_area:
         text = f"{low_area:.2f} m2 of floor with less headroom than {headroom:g} m; the first part is here (headroom)"
         notes.append(Finding("left out", text, place=places[0]))
@@ -265,8 +259,7 @@ def _with_flights(patches: list[Patch], headroom: float) -> tuple[list[Patch], l
         x, y = place_of(treads[0].plan)
         if winds:
             text = (
-                f"a stair of {len(treads)} treads turns and is not replaced: draw it as straight flights with "
-                "landings between them"
+                f"a stair of {len(treads)} treads turns and is not replaced: draw it as straight flights with landings"
             )
             notes.append(Finding("warning", text, place=(x, y, treads[0].z)))
             continue

@@ -336,17 +336,14 @@ def _not_plane(surface: Surface, label: IndexArray, levels: list[Level]) -> tupl
             x, y = surface.vertices[surface.triangles[label == level.index][along.argmin()]].mean(axis=0)[:2].tolist()
             turn = float(np.degrees(np.arccos(np.clip(along.min(), -1.0, 1.0))))
             worst = float(np.hypot(*(gradient - np.tan(level.slope) * level.uphill).T).max())
-            if turn > WINDS:
+            if turn > WINDS or worst > 0.1:
                 text = (
-                    f"the flight winds: its mean slope of {np.degrees(level.slope):.0f} degrees is used for all of it"
+                    f"the flight {'winds' if turn > WINDS else 'is not plane'}: its cells differ by up to "
+                    f"{100 * worst:.0f} % in slope and {turn:.0f} degrees in direction from its mean of "
+                    f"{np.degrees(level.slope):.0f} degrees, which is used for all of it"
                 )
-                notes.append(Finding("assumed", text, level.name, (x, y), item_of(level)))
-            elif worst > 0.1:
-                text = (
-                    f"the flight is not plane: its cells differ by up to {100 * worst:.0f} % in slope and "
-                    f"{turn:.0f} degrees in direction from its mean, which is used for all of it"
-                )
-                notes.append(Finding("warning", text, level.name, (x, y), item_of(level)))
+                kind = "assumed" if turn > WINDS else "warning"
+                notes.append(Finding(kind, text, level.name, (x, y), item_of(level)))
     return tuple(notes)
 
 

@@ -43,29 +43,23 @@ def check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[F
     used = points[mesh.triangles.ravel()]
     low, high = used.min(axis=0), used.max(axis=0)
     width, depth, height = (high - low).tolist()
+    extent = f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height"
     factor = helpful_factor(max(width, depth))
-    helps = "" if factor is None else f" (for example to {factor * scale:.4g})"
-    if (high - low).max() > MOST_EXTENT or max(np.abs(low).max(), np.abs(high).max()) > FARTHEST:
+    if factor is not None and is_plausible(max(width, depth) / scale):
+        factor = 1.0 / scale  # the usual mistake in a file that is drawn in metres
+    helps = "" if factor is None else f" = {factor * scale:.4g}"
+    is_far = (high - low).max() > MOST_EXTENT or max(np.abs(low).max(), np.abs(high).max()) > FARTHEST
+    if is_far or max(width, depth) < LEAST_WIDTH:
         raise BuildingError(
-            f"{mesh.source}: the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height, and "
-            f"begins at ({low[0]:.4g}, {low[1]:.4g}, {low[2]:.4g}); it must measure at most {MOST_EXTENT:g} m and be "
-            f"within {FARTHEST:g} m of the origin: set building.scale{helps}, or move the building"
-        )
-    if max(width, depth) < LEAST_WIDTH:
-        # Without a scale first: it is the usual mistake in a file that is drawn in metres.
-        factor = 1.0 / scale if is_plausible(max(width, depth) / scale) else factor
-        helps = (
-            "" if factor is None else f"; building.scale = {factor * scale:.4g} makes it {factor * width:.4g} m wide"
-        )
-        raise BuildingError(
-            f"{mesh.source}: the building is only {1e3 * width:.4g} mm wide and {1e3 * depth:.4g} mm deep with "
-            f"building.scale = {scale:g}; one of them must be at least {LEAST_WIDTH:g} m{helps}"
+            f"{mesh.source}: {extent}, and begins at ({low[0]:.4g}, {low[1]:.4g}, {low[2]:.4g}); it must measure "
+            f"between {LEAST_WIDTH:g} and {MOST_EXTENT:g} m, and be within {FARTHEST:g} m of the origin: set "
+            f"building.scale{helps}, or move the building"
         )
     if factor is None:
         return []
     text = (
-        f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height; if its unit is not the "
-        f"metre, building.scale = {factor * scale:.4g} would make it {factor * width:.4g} x {factor * depth:.4g} m"
+        f"{extent}; if its unit is not the metre, building.scale{helps} would make it {factor * width:.4g} x "
+        f"{factor * depth:.4g} m"
     )
     return [Finding("warning", text)]
 
