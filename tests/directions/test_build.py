@@ -11,7 +11,7 @@ from evac.directions.build import build_fields
 from evac.directions.march import marching
 from evac.directions.routes import Route
 from tests.directions.conftest import Drawing
-from tests.directions.walks import along, geodesics, positions_on, walk
+from tests.directions.walks import along, geodesics, positions_on
 
 ANY = (Route(),)
 SLOPE = math.atan(3.0 / 4.0)  # cosine 0.8: 1.25 m along the slope per metre in plan
@@ -193,16 +193,6 @@ def test_a_pocket_without_a_way_out_has_no_time(drawing):
     assert not fields.directions_at(0, [[1.0, 2.0]], 0).any()
 
 
-def test_routes_with_exits_end_only_there(drawing):
-    drawing.level((0, 0, 6, 5))
-    drawing.exit("near", 0, (0, 1), (0, 2))
-    drawing.exit("far", 0, (6, 1), (6, 2))
-    building = drawing.build()
-    fields = build_fields(building, (Route(), Route(("far",))))
-    assert fields.travel_time_at(0, [[1.0, 1.5], [1.0, 1.5]], [0, 1]) == pytest.approx([1.0, 5.0])
-    assert walk(fields, building, (1.0, 1.5), 0, route=1)[0] == "far"
-
-
 def test_exits_beside_each_other_are_reached_each_by_its_own_route(drawing):
     room = drawing.level((0, 0, 8, 6))
     ends = {"A": (1.0, 1.9), "B": (2.0, 2.5), "C": (2.6, 3.0)}
@@ -221,13 +211,6 @@ def test_a_closed_portal_and_a_closed_exit_lead_nowhere(drawing):
     assert fields.packed.field_of[:, 0].tolist() == [-1, 0, 1]
     fields = build_fields(replace(building, closed=frozenset({2})), ANY)
     assert fields.packed.field_of[:, 0].tolist() == [-1, -1, -1]
-
-
-def test_same_bits_again(drawing):
-    building = two_storeys(drawing)
-    first, second = (build_fields(building, ANY) for _ in range(2))
-    assert np.array_equal(first.packed.travel_time, second.packed.travel_time)
-    assert np.array_equal(first.packed.direction, second.packed.direction)
 
 
 def tower(storeys):

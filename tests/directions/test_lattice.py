@@ -19,12 +19,6 @@ def test_a_box_holds_the_nodes_between_its_corners(bounds):
     assert np.array_equal(found, near)
 
 
-@pytest.mark.parametrize("bounds", [(-3.0, 0.0, -2.0, 3.0), (9.0, 9.0, 9.5, 9.5), (0.52, 0.52, 0.58, 0.58)])
-def test_a_box_without_nodes_is_empty(bounds):
-    window = Lattice((0.0, 0.0), 0.1).window(ROOM.bounds, 2)
-    assert np.zeros(window.shape)[window.box(np.array(bounds[:2]), np.array(bounds[2:]))].size == 0
-
-
 def test_nodes_on_a_wall_inside_a_room_are_not_walkable_and_those_beside_it_are():
     walls = np.array([[1.0, 0.5, 1.0, 2.0], [2.0, 0.5, 3.0, 1.5]])
     window = Lattice((0.0, 0.0), 0.1).window(ROOM.bounds, 2)

@@ -43,10 +43,6 @@ def test_travel_time_leaves_out_nodes_without_a_way():
     assert one.travel_time_at(1, [[0.0, 0.0]], 0)[0] == math.inf
 
 
-def test_positions_off_the_grid_are_clamped_to_it():
-    assert fields([[1.0, 2.0], [3.0, 4.0]]).travel_time_at(0, [[-5, -5], [9, 9]], 0) == pytest.approx([1.0, 4.0])
-
-
 def test_directions_are_normalised_and_the_nearest_nodes_where_they_cancel():
     east, west, north = (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0)
     turning = fields(np.zeros((2, 2)), [[east, north], [east, north]])

@@ -21,8 +21,10 @@ ANY = (Route(),)
 CLEARANCE = 0.25
 
 
-@pytest.mark.parametrize("as_obstacle", [False, True])
-@pytest.mark.parametrize(("x", "thickness", "spacing"), [(5.0, 0.1, 0.1), (5.0, 0.2, 0.2), (3.3, 0.1, 0.05)])
+@pytest.mark.parametrize(
+    ("x", "thickness", "spacing", "as_obstacle"),
+    [(5.0, 0.1, 0.1, True), (5.0, 0.2, 0.2, False), (3.3, 0.1, 0.05, False)],
+)
 def test_a_wall_with_its_faces_on_nodes_holds(drawing, x, thickness, spacing, as_obstacle):
     wall = shapely.box(x, -1.0, x + thickness, 5.0)
     room = shapely.box(0.0, 0.0, 10.0, 6.0)
@@ -48,7 +50,7 @@ def balcony(drawing, gap):
 
 
 @pytest.mark.parametrize("clearance", [0.0, CLEARANCE])
-@pytest.mark.parametrize("gap", [0.03, 0.1, 0.3, 0.45, 1.0])
+@pytest.mark.parametrize("gap", [0.03, 0.3, 1.0])
 def test_ground_of_the_same_level_behind_an_exit_changes_nothing_before_it(drawing, gap, clearance):
     building = balcony(drawing, gap)
     fields = build_fields(building, ANY, clearance=clearance)
@@ -101,7 +103,7 @@ def test_two_exits_back_to_back_across_a_slot_are_both_used(drawing):
 
 @pytest.mark.parametrize("clearance", [0.0, CLEARANCE])
 @pytest.mark.parametrize("thickness", [0.05, 0.08])
-@pytest.mark.parametrize("x", [3.0, 3.02, 3.05, 3.09])
+@pytest.mark.parametrize("x", [3.0, 3.05])
 def test_beside_a_thin_wall_directions_are_those_of_the_own_side(drawing, x, thickness, clearance):
     wall = shapely.box(x, -1.0, x + thickness, 4.0)
     drawing.level(shapely.box(0.0, 0.0, 6.0, 5.0).difference(wall))

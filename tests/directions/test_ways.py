@@ -45,7 +45,7 @@ def test_a_wall_thinner_than_a_cell_holds(drawing, y, thickness):
     assert fields.directions_at(0, [[0.5, 1.5]], 0)[0, 0] > 0.9
 
 
-@pytest.mark.parametrize("shift", np.linspace(0.0, 0.09, 4))
+@pytest.mark.parametrize("shift", [0.0, 0.03])
 @pytest.mark.parametrize("width", [0.3, 0.5])
 def test_a_narrow_door_between_thin_walls_stays_open(drawing, shift, width):
     drawing.level((0, 0, 6, 5))
@@ -63,7 +63,7 @@ def test_a_narrow_door_between_thin_walls_stays_open(drawing, shift, width):
 
 
 @pytest.mark.parametrize(("width", "kept"), [(0.5, 0.23), (0.82, 0.24), (1.2, 0.24)])
-@pytest.mark.parametrize("start", [(2.6, 0.3), (2.6, 4.7), (0.5, 0.5), (1.5, 2.5)])
+@pytest.mark.parametrize("start", [(2.6, 0.3), (0.5, 0.5)])
 def test_ways_keep_clear_of_door_posts(drawing, width, kept, start):
     low, high = 2.5 - width / 2, 2.5 + width / 2
     wall = shapely.union(shapely.box(3, -1, 3.2, low), shapely.box(3, high, 3.2, 6))
@@ -89,8 +89,8 @@ def test_ways_keep_clear_of_exit_posts(drawing, width, start):
     assert distance.min() > 0.2
 
 
-@pytest.mark.parametrize("clearance", [0.1, 0.2, 0.22, 0.25, 0.3])
-@pytest.mark.parametrize("length", [0.2, 2.0, 3.0, 6.5])
+@pytest.mark.parametrize("clearance", [0.1, 0.22, 0.3])
+@pytest.mark.parametrize("length", [0.2, 6.5])
 def test_every_clearance_leads_everywhere(drawing, length, clearance):
     """The strip behind an exit begins before its last row of nodes, whether or not the exit is on a row."""
     drawing.level((0, 0, length, 1.4))

@@ -103,12 +103,6 @@ def test_heights_are_those_of_adults_unless_they_are_given(make_case, house, fie
     assert 1.0 <= height[2000] <= 1.1
 
 
-def test_places_in_an_area_depend_on_the_seed(make_case, house, fields):
-    case = make_case(group(radius=0.2))
-    places = [build_population(case, house, fields(), seed=seed).crowd.position for seed in (1, 2)]
-    assert not np.isclose(*places).any()
-
-
 def test_people_in_areas_keep_off_walls_portals_exits_and_each_other(make_case, house, fields):
     case = make_case(group("a", number=15, area="room 1"), standing("s", level="east 0", positions=[[5.0, 2.0]]))
     crowd = build_population(case, house, fields(), seed=1).crowd
@@ -129,11 +123,6 @@ def test_nobody_starts_on_a_line_where_people_cross(make_case, house, fields, li
     case = make_case(group(number=25, area=f"room {level}", radius=0.25))
     crowd = build_population(case, house, fields(), seed=1).crowd
     assert np.abs(crowd.position[:, 0] - side).min() >= 0.25
-
-
-def test_people_above_each_other_do_not_hinder_each_other(make_case, house, fields):
-    case = make_case(group("a", number=60, radius=0.2), group("b", number=60, radius=0.2, area="room 2"))
-    assert (np.bincount(build_population(case, house, fields(), seed=1).crowd.level) == [60, 0, 60]).all()
 
 
 @pytest.mark.parametrize(("z", "level"), [(0.0, 0), (3.0, 2), (2.8, 2)])

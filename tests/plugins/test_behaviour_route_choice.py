@@ -197,25 +197,6 @@ def test_people_choose_again_once_a_period_from_where_they_are(building):
     assert [route.exits for route in chosen(of)] == [("flat",), ("stair",)]
 
 
-def test_goes_on_from_a_saved_state(building):
-    settings = {"exits": ["flat", "stair"], "every": 5.0, "change_at": 3.0, "change_to": "comfortable"}
-    one, two = RouteChoice(**settings), RouteChoice(**settings)
-    scenes = [scene(building, behaviour, [([9.0], [1.0], {})]) for behaviour in (one, two)]
-    for behaviour, of in zip((one, two), scenes, strict=True):
-        behaviour.prepare(of)
-    one.act(scenes[0].crowd, 3.0)
-    one.act(scenes[0].crowd, 5.0)
-    two.restore(one.state())
-    for behaviour, of in zip((one, two), scenes, strict=True):
-        of.crowd.position[:, 0] = 13.0
-        of.crowd.level[:] = 1
-        of.crowd.route[:] = 0
-        behaviour.act(of.crowd, 9.9)
-        assert chosen(of) == [Route()]
-        behaviour.act(of.crowd, 10.0)
-        assert chosen(of) == [Route(("stair",), "comfortable")]
-
-
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

@@ -71,8 +71,7 @@ def test_everybody_takes_the_four_portals_in_order(make, model):
         assert first_time == chain
 
 
-@pytest.mark.parametrize("start", [[2.0, 11.5], [6.0, 9.5]])
-@pytest.mark.parametrize("speed", [0.5, 0.8, 1.4])
+@pytest.mark.parametrize(("start", "speed"), [([2.0, 11.5], 0.5), ([6.0, 9.5], 1.4)])
 def test_a_person_alone_takes_the_stair_by_its_shortest_way(make, speed, start):
     """With tau = 0.1 s: turning round the end of the wall takes who is slower to turn up to 10 % longer."""
     changes = {f"people.visitors.{key}": speed for key in ("speed", "speed_up", "speed_down")}
