@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from evac.conditions.source import ConditionSource as ConditionSource
     from evac.contract.hooks import hookimpl as hookimpl
     from evac.contract.registry import Registry as Registry
+    from evac.editor import edit as edit
     from evac.export.exporter import Exporter as Exporter
     from evac.importing import import_building as import_building
     from evac.people.behaviour import Behaviour as Behaviour
@@ -97,6 +98,7 @@ _HOMES = {
     "SurfaceMesh": "evac.building.surface.surfacemesh",
     "Trajectory": "evac.trajectory.trajectory",
     "compare": "evac.report.comparison",
+    "edit": "evac.editor",
     "hookimpl": "evac.contract.hooks",
     "import_building": "evac.importing",
     "load": "evac.case.loading",

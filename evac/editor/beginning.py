@@ -15,6 +15,7 @@ EMPTY = """# Drawn with evac edit. Lengths are in metres.
 [[storeys]]
 name = "ground"
 z = 0.0
+wall = 0.1
 """
 
 

@@ -30,7 +30,7 @@ TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "json"
 HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
-    "connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    "connect-src 'self'; base-uri 'none'; form-action 'none'",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
@@ -50,14 +50,16 @@ BEAT, IDLE = 5.0, 120.0
 class Server(ThreadingHTTPServer):
     """The page of a session at a random port, with a token in its address; a context that ends it.
 
-    Without a session, the page asks for a case to begin with, which is made in the current folder.
+    Without a session, the page asks for a case to begin with, which is made in the current folder. If `is_framed`,
+    pages of this machine, such as notebooks, may show it in a frame.
     """
 
     daemon_threads = True
 
-    def __init__(self, session: Session | None, idle: float = IDLE) -> None:
+    def __init__(self, session: Session | None, idle: float = IDLE, is_framed: bool = False) -> None:
         super().__init__(("127.0.0.1", 0), _Handler)
         self.session, self.idle = session, idle
+        self.frames = "http://127.0.0.1:* http://localhost:*" if is_framed else "'none'"
         self.host = f"127.0.0.1:{self.server_port}"
         self.token = secrets.token_urlsafe(24)
         self.address = f"http://{self.host}/{self.token}/"
@@ -186,9 +188,10 @@ class _Handler(BaseHTTPRequestHandler):
         token, _, name = self.path.removeprefix("/").partition("/")
         is_own = origin == f"http://{self.server.host}" or (origin is None and self.command != "POST")
         is_same = self.headers.get("Sec-Fetch-Site", "none") in ("same-origin", "none")
+        as_page = ("document", "iframe") if self.server.frames != "'none'" else ("document",)
         if host != [self.server.host]:
             self._refuse(421, "wrong host")
-        elif not is_own or not (is_same or self.headers.get("Sec-Fetch-Dest") == "document"):
+        elif not is_own or not (is_same or self.headers.get("Sec-Fetch-Dest") in as_page):
             self._refuse(403, "wrong origin")
         elif not secrets.compare_digest(token.encode(), self.server.token.encode()):
             self._refuse(404, "there is no such page; its address is that which evac edit has printed last")
@@ -224,7 +227,9 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _head(self, code: int, kind: str, more: dict[str, str]) -> None:
         self.send_response(code)
-        for name, value in ({"Content-Type": f"{kind}; charset=utf-8"} | HEADERS | more).items():
+        headers = {"Content-Type": f"{kind}; charset=utf-8"} | HEADERS | more
+        headers["Content-Security-Policy"] += f"; frame-ancestors {self.server.frames}"
+        for name, value in headers.items():
             self.send_header(name, value)
         if self.close_connection:
             self.send_header("Connection", "close")

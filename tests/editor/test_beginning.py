@@ -22,7 +22,7 @@ def test_an_empty_storey_has_nothing_of_the_example(tmp_path):
     case = evac.load(tmp_path / "new")
     assert case.title == "New building"
     assert [group.level for group in case.people] == ["ground"]
-    assert table_of(tmp_path / "new")["storeys"] == [{"name": "ground", "z": 0.0}]
+    assert table_of(tmp_path / "new")["storeys"] == [{"name": "ground", "z": 0.0, "wall": 0.1}]
 
 
 def test_the_example_is_that_of_evac_new(tmp_path):

@@ -258,7 +258,7 @@ async function start() {
 
   const fit = () => { if (by("view").hidden) view3d.fit(); else view.fit(); };
   const actions = { undo: () => store.undo(), redo: () => store.redo(), save: act.save, "view-plan": () => showView(false), "view-3d": () => showView(true), fit, theme: act.theme, "show-help": () => by("help").showModal(), "take-file": act.takeFile, "keep-mine": act.keepMine,
-    "add-storey": () => { const name = store.now.unique("storeys", `storey ${store.now.storeys.length}`), top = store.now.storeys.at(-1), z = mm((top?.z ?? -3) + 3); view.storey = name; store.commit(store.now.add("storeys", { name, z })); act.say("Draw its rooms"); } };
+    "add-storey": () => { const name = store.now.unique("storeys", `storey ${store.now.storeys.length}`), top = store.now.storeys.at(-1), z = mm((top?.z ?? -3) + 3); view.storey = name; store.commit(store.now.add("storeys", { name, z, ...(top?.wall === undefined ? {} : { wall: top.wall }) })); act.say("Draw its rooms"); } };
   for (const [name, action] of Object.entries(actions)) by(name).addEventListener("click", action);
   by("copy").addEventListener("submit", (event) => { event.preventDefault(); store.commit(store.now.copyUp(view.storey, by("copies").valueAsNumber)); });
   for (const [name, { key }] of Object.entries(TOOLS)) {
