@@ -15,7 +15,7 @@ from evac.cli.inputs import (
     declare_plugin,
     default_folder,
 )
-from evac.cli.screen import STYLES, note, notify, say, show_facts, show_table, show_warnings, wrapped
+from evac.cli.screen import STYLES, height, note, notify, say, show_facts, show_table, show_warnings, wrapped
 from evac.folder.files import ANIMATION_NAME, CHECKPOINT_NAME, REPLAY_NAME
 
 if TYPE_CHECKING:
@@ -170,8 +170,9 @@ def show_run(results: "Results", verbose: bool) -> None:
         for line in results.remarks:
             note(f"evac: {line}")
         show_warnings(results.quality_warnings)
-    show_answer(results)
-    say(folder_line(results.folder))
+    folder_shown = folder_line(results.folder)
+    show_answer(results, height(folder_shown))
+    say(folder_shown)
     if results.ended == INTERRUPTED:
         folder = str(results.folder).removesuffix(".running")
         beside = "" if folder == str(results.folder) else f"; the earlier results stay in {folder}"
@@ -183,27 +184,28 @@ def show_run(results: "Results", verbose: bool) -> None:
 #: Maximum number of listed people without progress; summary.json has all of them.
 MOST_LISTED = 20
 
-#: Why steps are cut, by the names of the counts.
-CUTS = {
-    "too_stiff_steps": "stiff contacts",
-    "too_fast_steps": "fast people",
-    "wall_crossings_prevented": "walls",
-    "passes_prevented": "people passing each other",
-}
+
+#: Maximum number of lines that the answer takes on a terminal, with the line of the result folder.
+MOST_LINES = 12
 
 
-def show_answer(results: "Results") -> None:
-    """Show what the run answers; on a terminal, the verdict, who is out and the times in full, of the others a line."""
+def show_answer(results: "Results", below: int = 1) -> None:
+    """Show what the run answers, in `MOST_LINES` with as many as are shown `below`.
+
+    The verdict, who is out and the times are in full; of the others, as many as have room, a line each.
+    """
     answer, title = results.answer, results.title or Path(results.source).name
-    say(answer.verdict, style=STYLES[results.verdict["status"]])
-    say(title, 1, "bold")
-    say(answer.outcome, style="bold")
     changes = f"Changes: {', '.join(map(str, results.changes))}" if results.changes else ""
     warnings = f"{answer.warnings}; --verbose shows all" if answer.warnings else ""
-    others = [*answer.exits, changes, *answer.remarks, answer.queue, answer.movement, warnings]
-    for line, lines in ((answer.times, None), *((line, 1) for line in others)):
-        if line:
-            say(line, lines)
+    full = answer.verdict, answer.outcome, answer.times
+    others = warnings, *answer.exits, answer.queue, *answer.remarks, changes, title, answer.movement
+    kept = {*[line for line in others if line][: MOST_LINES - below - sum(map(height, full))]}
+    kept |= {line for line in full if line}
+    styles = {answer.verdict: STYLES[results.verdict["status"]], title: "bold", answer.outcome: "bold"}
+    notes = *answer.exits, changes, *answer.remarks, answer.queue, answer.movement, warnings
+    for line in (answer.verdict, title, answer.outcome, answer.times, *notes):
+        if line in kept:
+            say(line, None if line in full else 1, styles.get(line, ""))
 
 
 def show_results(results: "Results") -> None:
@@ -211,7 +213,9 @@ def show_results(results: "Results") -> None:
     from evac.results.tables import TABLES
 
     summary = results.summary()
-    _show_outcome(summary, results)
+    simulated = f"{summary['simulated_time']:.2f} s in {summary['steps']} steps, seed {summary['seed']}"
+    times = response_times(results.crowd)
+    show_facts({"people": summary["people"], "response times": times, "simulated": simulated})
     if results.safety is not None:
         from evac.results.verdict import judged
 
@@ -250,39 +254,7 @@ def response_times(crowd: "Crowd") -> str:
     return f"{times.min():.4g} to {times.max():.4g} s"
 
 
-def _show_outcome(summary: dict[str, Any], results: "Results") -> None:
-    last, left = summary["last_out"], len(results.leaving) - summary["evacuated"]
-    note = f", the last of those who are out; people left: {left}" if left else ""
-    changes = {"changes": ", ".join(map(str, results.changes))} if results.changes else {}
-    show_facts(
-        {
-            "case": summary["title"],
-            "ended": summary["ended"],
-            "people": summary["people"],
-            "out": summary["evacuated"],
-            "movement": results.answer.movement,
-            "response times": response_times(results.crowd),
-            **changes,
-            "last out": None if last is None else f"{last:.2f} s{note}",
-            "simulated": f"{summary['simulated_time']:.2f} s in {summary['steps']} steps, seed {summary['seed']}",
-        }
-    )
-
-
 def _show_contact(contact: dict[str, Any]) -> None:
-    energy = contact["energy"]
-    balance = energy["driving_work"] - energy["contact_dissipation"] + energy["contact_creation"]
-    rows = [
-        ("contact model", contact["model"]),
-        ("maximum overlap", f"{1000.0 * contact['greatest_overlap']:.3g} mm"),
-        ("mean overlap", f"{1000.0 * contact['mean_overlap']:.3g} mm"),
-        ("maximum residual", f"{contact['greatest_residual']:.3g} m/s"),
-        ("unconverged steps", f"{contact['unconverged_steps']:.0f} of {contact['steps']:.0f}"),
-        ("work of driving", f"{energy['driving_work']:.4g} J"),
-        ("dissipated in contacts", f"{energy['contact_dissipation']:.4g} J"),
-        ("created in contacts", f"{energy['contact_creation']:.4g} J"),
-        ("balance: carried out or still in motion", f"{balance:.4g} J"),
-    ]
-    if cut := ", ".join(f"{reason} {contact[name]}" for name, reason in CUTS.items() if contact[name]):
-        rows.insert(5, ("steps cut into smaller ones", cut))
-    show_table("Contact", ("quantity", "value"), rows)
+    rows = [(name.replace("_", " "), value) for name, value in contact.items() if isinstance(value, int | float | str)]
+    rows += [(f"{name.replace('_', ' ')} [J]", value) for name, value in contact["energy"].items()]
+    show_table("Contact; see summary.json", ("quantity", "value"), rows)

@@ -189,6 +189,11 @@ def say(line: str, lines: int | None = None, style: str = "", indent: int = 2) -
     console().print(Text(wrapped(line, sys.stdout, lines, indent), style=style), soft_wrap=True)
 
 
+def height(line: str) -> int:
+    """Return the number of lines that a sentence takes; 0 if it is empty, 1 if the output is not a terminal."""
+    return wrapped(line, sys.stdout).count("\n") + 1 if line else 0
+
+
 def shown(value: object) -> str:
     """Format a value: floats with four digits, None, NaN and empty strings as a dash, booleans as yes or no."""
     if value in (None, "") or value != value:  # NaN

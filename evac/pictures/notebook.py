@@ -4,13 +4,12 @@ import base64
 import io
 from collections.abc import Iterable, Sequence
 from html import escape
-from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.base.errors import in_order
 from evac.folder.files import REPLAY_NAME
 from evac.pictures.palette import VERDICTS
+from evac.results.tables import TABLES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,8 +24,6 @@ LARGEST_REPLAY = 5_000_000
 
 def results_html(results: "Results") -> str:
     """Return the results of a run as HTML."""
-    facts = {"simulated": f"{results.time:.1f} s", "contact model": results.report["model"], "seed": results.seed}
-    exits = [(name, row["people"], row["last_out"], row["width"], row["flow"]) for name, row in results.exits.items()]
     answer = results.answer
     answers = [line for line in (answer.outcome, answer.times, answer.queue, answer.movement) if line]
     lines = (*results.warnings, *answer.remarks, *results.quality_warnings)
@@ -34,8 +31,7 @@ def results_html(results: "Results") -> str:
         verdict_html(results.verdict),
         f"<h4>{escape(results.title or Path(results.source).name)}</h4>",
         "<p>" + "<br>".join(map(escape, answers)) + "</p>",
-        table_html((), facts.items()),
-        table_html(("exit", "people", "last out [s]", "width [m]", "flow [1/s]"), in_order(exits, itemgetter(0))),
+        table_html(TABLES["exits"].head, results.tables["exits"]),
         "".join(f"<p>&#9888; {escape(line)}</p>" for line in lines),
         figure_html(results.plot(), "egress curve"),
         _replay_html(results),
@@ -60,7 +56,7 @@ def table_html(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """Return an HTML table with numbers rounded to four digits."""
     names = "".join(f"<th>{escape(name)}</th>" for name in head)
     body = "".join(f"<tr>{''.join(f'<td>{_cell(value)}</td>' for value in row)}</tr>" for row in rows)
-    return f"<table>{f'<tr>{names}</tr>' if head else ''}{body}</table>"
+    return f"<table><tr>{names}</tr>{body}</table>"
 
 
 def figure_html(figure: "Figure", alt: str) -> str:
