@@ -214,8 +214,8 @@ def show_results(results: "Results") -> None:
 
     summary = results.summary()
     simulated = f"{summary['simulated_time']:.2f} s in {summary['steps']} steps, seed {summary['seed']}"
-    times = response_times(results.crowd)
-    show_facts({"people": summary["people"], "response times": times, "simulated": simulated})
+    starts = response_times(results.crowd)
+    show_facts({"people": summary["people"], "response times": starts, "simulated": simulated})
     if results.safety is not None:
         from evac.results.verdict import judged
 
