@@ -453,16 +453,16 @@ def _read_frames(path: Path, data: mmap.mmap, schema: pa.Schema, end: int) -> tu
 def _rows(batch: pa.RecordBatch) -> Rows:
     """Return the content of a frame."""
     time, people, changes, *fields = batch.columns
-    person, level, started, motion = people.flatten().flatten()
+    person, level, started, motion = people.values.flatten()  # the method of lists would import pyarrow.compute
     bits = np.frombuffer(started.buffers()[1] or b"", np.uint8)
     return Rows(
         time[0].as_py(),
         _numbers(person),
         _numbers(level),
         np.unpackbits(bits, count=len(started), bitorder="little").astype(np.bool_),
-        _numbers(motion.flatten()).reshape(-1, motion.type.list_size),
+        _numbers(motion.values).reshape(-1, motion.type.list_size),
         tuple(map(Change.from_row, json.loads(changes[0].as_py() or "[]"))),
-        tuple(_numbers(values.flatten()) for values in fields),
+        tuple(_numbers(values.values) for values in fields),
     )
 
 
