@@ -39,7 +39,17 @@ def test_status_of_errors(error, status, message, monkeypatch, capsys):
 
 #: What draws, writes and converts, and parts of scipy that a quarter of a second is too much for.
 DRAWING = ("matplotlib", "PIL", "pyvista", "vtkmodules", "imageio", "jinja2")
-SCIENCE = ("scipy.ndimage", "scipy.sparse", "scipy.spatial", "scipy.special", "scipy.stats", "scipy.optimize", "pandas")
+SCIENCE = (
+    "scipy.ndimage",
+    "scipy.sparse",
+    "scipy.spatial",
+    "scipy.special",
+    "scipy.stats",
+    "scipy.optimize",
+    "pandas",
+    "networkx",
+    "pyarrow.compute",
+)
 PROCESSES = ("multiprocessing", "concurrent.futures.process", "asyncio")
 EVERYTHING = (*DRAWING, *SCIENCE, *PROCESSES, "scipy", "skfmm", "shapely", "meshio", "numba")
 

@@ -46,14 +46,14 @@ def test_a_worker_that_is_killed_changes_no_row(cluster, tmp_path):
     killed = []
 
     def progress(state):
-        if state.done == 10 and not killed:
+        if state.done == 5 and not killed:
             os.kill(workers[0].pid, signal.SIGKILL)
             killed.append(state.done)
 
     with dask_executor(str(file)) as executor:
-        study = evac.repeat(case, 40, folder=tmp_path / "dask", executor=executor, progress=progress)
-    assert killed == [10]
-    local = evac.repeat(case, 40, folder=tmp_path / "local", workers=1)
+        study = evac.repeat(case, 16, folder=tmp_path / "dask", executor=executor, progress=progress)
+    assert killed == [5]
+    local = evac.repeat(case, 16, folder=tmp_path / "local", workers=1)
     assert study.table().equals(local.table())
     for name in ("summary.json", "statistics.csv"):
         assert (tmp_path / "dask" / name).read_bytes() == (tmp_path / "local" / name).read_bytes()

@@ -93,14 +93,14 @@ def kill_studies(folder, kills, runs, scheduler="", seed=1):
 
 
 def test_a_study_that_is_killed_a_few_times_loses_nothing(tmp_path):
-    kill_studies(tmp_path, 2, 8)
+    kill_studies(tmp_path, 2, 6, seed=333)  # after three rows, and after two seconds
 
 
 def test_the_processes_of_a_study_end_with_the_one_that_started_it(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT)
     process = started(script, tmp_path / "r", 500, "")
-    for _ in range(12):  # others have joined by then
+    for _ in range(4):  # others have joined by then
         process.stdout.readline()
     os.kill(process.pid, signal.SIGKILL)
     process.wait()

@@ -49,9 +49,9 @@ def test_tables_do_not_depend_on_who_makes_the_runs(case, tmp_path, monkeypatch)
     monkeypatch.setattr("evac.study.execute.JOINING", 0.0)  # processes join for the least work
     with concurrent.futures.ThreadPoolExecutor(2) as executor:
         studies = [
-            evac.repeat(case, 6, folder=tmp_path / "1", workers=1),
-            evac.repeat(case, 6, folder=tmp_path / "2", workers=2),
-            evac.repeat(case, 6, folder=tmp_path / "3", executor=executor),
+            evac.repeat(case, 4, folder=tmp_path / "1", workers=1),
+            evac.repeat(case, 4, folder=tmp_path / "2", workers=2),
+            evac.repeat(case, 4, folder=tmp_path / "3", executor=executor),
         ]
     for name in ("runs.csv", "statistics.csv", "egress.csv", "summary.json"):
         assert len({(study.folder / name).read_bytes() for study in studies}) == 1, name
