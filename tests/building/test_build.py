@@ -73,12 +73,15 @@ def test_the_order_of_the_file_means_nothing(mesh, building, tmp_path, assert_sa
     assert [area.polygon.wkt for area in other.areas] == [area.polygon.wkt for area in building.areas]
 
 
-def test_a_tagged_obstacle_stands_on_the_floor_below_it_alone(mesh, tmp_path):
+@pytest.mark.parametrize("upper", [[], [(1, 1, 3, 2)]])
+def test_a_tagged_obstacle_stands_on_the_floor_below_it_alone(mesh, tmp_path, upper):
     mesh.rectangle(0, 0, 4, 3, tag="floor:ground").rectangle(0, 0, 4, 3, 3.0, tag="floor:upper")
     mesh.rectangle(1, 1, 2, 2, 0.75, tag="obstacle:table").edge((0, 0, 0), (0, 3, 0), "exit:door")
+    for box in upper:
+        mesh.rectangle(*box, 3.75, tag="obstacle:table")
     building = read_building(mesh.write_vtu(tmp_path / "table.vtu"))
-    assert [(level.name, level.polygon.area) for level in building.levels] == [("ground", 11.0), ("upper", 12.0)]
-    assert np.bincount(building.wall_level).tolist() == [3 + 4, 4]
+    assert [level.polygon.area for level in building.levels] == [11.0, 10.0 if upper else 12.0]
+    assert np.bincount(building.wall_level).tolist() == [3 + 4, 4 + 4 * len(upper)]
 
 
 def test_an_area_over_a_divided_floor_is_divided_too():

@@ -10,10 +10,11 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
 from evac.base.errors import BuildingError
 from evac.base.keys import Point
-from evac.building.geometry import flat_parts, place_of, union
+from evac.building.geometry import connected_components, flat_parts, place_of, union
 from evac.building.model.building import Area, Building, Level
 from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding, noting, numbered, refusal
@@ -151,9 +152,12 @@ def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[
 
 
 def _standing_obstacles(building: Building, surface: Surface) -> list[tuple[str, Level, BaseGeometry]]:
-    """Find tagged obstacles drawn on top of a floor; obstacles cut out of the floor already have walls."""
+    """Find tagged obstacles drawn on top of a floor; obstacles cut out of the floor already have walls.
+
+    Bodies of one name may stand on several storeys.
+    """
     obstacles = []
-    for tag, corners in sorted(surface.obstacles.items()):
+    for tag, corners in ((tag, own) for tag, given in sorted(surface.obstacles.items()) for own in _by_foot(given)):
         cells = shapely.polygons(corners[:, :, :2])
         outline = union(cells[shapely.area(cells) > LEAST_LENGTH**2]).simplify(COLLINEAR)
         z = float(corners[:, :, 2].min())
@@ -165,3 +169,12 @@ def _standing_obstacles(building: Building, surface: Surface) -> list[tuple[str,
             if -HEIGHT_REACH <= z - height <= OBSTACLE_HEIGHT:
                 obstacles.append((tag.replace(":", "s.", 1), level, on))
     return obstacles
+
+
+def _by_foot(corners: FloatArray) -> list[FloatArray]:
+    """Return triangles (c, 3, 3) divided by the height of the lowest corner of the bodies that they form."""
+    corner = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
+    body = connected_components(corner.max(initial=-1) + 1, corner[:, [0, 1, 0, 2]].reshape(-1, 2))[corner[:, 0]]
+    foot = np.full(len(corners), np.inf)
+    np.minimum.at(foot, body, corners[:, :, 2].min(axis=1))
+    return [corners[foot[body] == z] for z in np.unique(foot[body])]
