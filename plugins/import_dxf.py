@@ -2,6 +2,7 @@
 
 import fnmatch
 import itertools
+import logging
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,6 +17,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
+from evac.base.defaults import NEGLIGIBLE
 from evac.base.errors import BuildingError, counted, text_of
 from evac.base.parameters import Parameter
 from evac.building.geometry import lines_of, place_of, segment_lengths
@@ -60,8 +62,6 @@ THINNEST, THICKEST_OUTLINE, LEAF = 0.02, 0.9, 0.06
 LEAST_PANE = 0.5
 #: Walls of two plans this near are above each other [m], and the share that is wanted of them.
 SAME_WALL, LEAST_ALIKE = 0.05, 0.3
-#: Greatest number of findings of a kind with their own places.
-MOST_ALONE = 20
 #: Why entities are left out.
 NAMED, HIDDEN = "since it or their block is named so", "since it is off or frozen"
 UNNAMED = "since other layers have the floor"
@@ -70,20 +70,14 @@ UNNAMED = "since other layers have the floor"
 ROOMS = 4.0, 2000.0
 DOUBTED = (1e-3, 1e-2, 0.0254, 1.0, 0.3048, 0.1)
 #: Values of $INSUNITS: name and length of the unit [m].
-UNITS = {
-    **{
-        1: ("inch", 0.0254),
-        2: ("foot", 0.3048),
-        3: ("mile", 1609.344),
-        4: ("millimetre", 1e-3),
-        5: ("centimetre", 1e-2),
-    },
-    **{6: ("metre", 1.0), 7: ("kilometre", 1e3), 8: ("microinch", 2.54e-8), 9: ("mil", 2.54e-5), 10: ("yard", 0.9144)},
-    **{11: ("angstrom", 1e-10), 12: ("nanometre", 1e-9), 13: ("micrometre", 1e-6), 14: ("decimetre", 0.1)},
-    **{15: ("decametre", 10.0), 16: ("hectometre", 100.0), 17: ("gigametre", 1e9), 18: ("astronomical unit", 1.496e11)},
-    **{19: ("light year", 9.461e15), 20: ("parsec", 3.086e16), 21: ("US survey foot", 1200 / 3937)},
-    **{22: ("US survey inch", 100 / 3937), 23: ("US survey yard", 3600 / 3937), 24: ("US survey mile", 6336000 / 3937)},
-}
+UNITS = (
+    *(("", 1.0), ("inch", 0.0254), ("foot", 0.3048), ("mile", 1609.344), ("millimetre", 1e-3), ("centimetre", 1e-2)),
+    *(("metre", 1.0), ("kilometre", 1e3), ("microinch", 2.54e-8), ("mil", 2.54e-5), ("yard", 0.9144)),
+    *(("angstrom", 1e-10), ("nanometre", 1e-9), ("micrometre", 1e-6), ("decimetre", 0.1), ("decametre", 10.0)),
+    *(("hectometre", 100.0), ("gigametre", 1e9), ("astronomical unit", 1.496e11), ("light year", 9.461e15)),
+    *(("parsec", 3.086e16), ("US survey foot", 1200 / 3937), ("US survey inch", 100 / 3937)),
+    *(("US survey yard", 3600 / 3937), ("US survey mile", 6336000 / 3937)),
+)
 
 
 class NothingEnclosedError(ValueError):
@@ -255,7 +249,8 @@ class DxfImporter(Importer):
             return float(self.unit)
         points = np.concatenate([shape.frame for shape in shapes])
         extent = float(np.ptp(points, axis=0).max())
-        name, said = UNITS.get(document.header.get("$INSUNITS", 0), ("", 1.0))
+        code = document.header.get("$INSUNITS", 0)
+        name, said = UNITS[code if 0 <= code < len(UNITS) else 0]
         measure = f"the drawing extends over {extent:.4g} units"
         factor = helpful_factor(extent * said)
         unit = said if factor is None else said * factor
@@ -295,7 +290,9 @@ class DxfImporter(Importer):
         shapely.prepare(area)
         few = [one for one in built if not area.intersects(one.line)]
         text = f"lines apart from the plans, with less than {LEAST_PLAN:.0%} of the walls of the largest one"
-        _note_lines(plan, "left out", few, text, area)
+        lost = self._rooms_in(few)[0] if any(one.use == "doors" for one in few) else None
+        is_lost = lost is not None and lost.floor.area > NEGLIGIBLE * area.area
+        _note_lines(plan, "missing" if is_lost else "left out", few, text, area)
         if len(grounds) > 1:
             rooms = [self._rooms_in(own)[0] for own in owned]
             closed = [row for row, one in enumerate(rooms) if one is not None and not one.floor.is_empty]
@@ -432,13 +429,9 @@ class DxfImporter(Importer):
                 plan.note("found", f"{name!r} on layer {item.layer!r}", storey, place)
 
     def _note_segments(self, plan: Plan, storey: str, kind: str, text: str, ends: FloatArray) -> None:
-        """Add a finding for each segment (n, 4), with its length, or one finding for many."""
-        far = segment_lengths(ends)
-        rows = range(len(ends)) if len(ends) <= MOST_ALONE else [int(np.argmax(far))]
-        more = "" if len(ends) <= MOST_ALONE else f"; the longest of {len(ends)}"
-        for row in rows:
-            x, y = (ends[row, :2] + ends[row, 2:]) / 2
-            plan.note(kind, text.format(far[row]) + more, storey, (float(x), float(y)))
+        """Add a finding for each segment (n, 4), with its length."""
+        for one, far in zip(ends, segment_lengths(ends).tolist(), strict=True):
+            plan.note(kind, text.format(far), storey, place_of(one))
 
     def _note_loose_lines(self, plan: Plan, storey: str, lines: list[BaseGeometry]) -> None:
         for line in lines:
@@ -578,6 +571,7 @@ def _opened(path: Path, repair: bool) -> tuple[Any, list[str]]:
     import ezdxf
     from ezdxf import recover
 
+    logging.getLogger("ezdxf").setLevel(logging.CRITICAL)  # What it repairs is told by findings alone.
     tail = path.read_bytes()[-1000:].rstrip(b"\0\r\n\t \x1a")
     if not tail.endswith(b"EOF"):
         lines = path.read_bytes().count(b"\n") + 1
@@ -585,13 +579,21 @@ def _opened(path: Path, repair: bool) -> tuple[Any, list[str]]:
     try:
         return ezdxf.readfile(path), []
     except Exception as first:  # ezdxf raises errors of many types for damaged files
+        why = (
+            text_of(first) if isinstance(first, ezdxf.DXFError) else "a record lacks values, or has others than it must"
+        )
         if not repair:
-            raise ValueError(f"not a DXF file, or damaged: {text_of(first)} (repair = true repairs it)") from first
+            raise ValueError(f"not a DXF file, or damaged: {why} (repair = true repairs it)") from first
         try:
             document, auditor = recover.readfile(path)
         except Exception:
-            raise ValueError(f"not a DXF file: {text_of(first)}") from first
-        return document, [text_of(first), *(error.message for error in auditor.errors)]
+            raise ValueError(f"not a DXF file: {why}") from first
+        return document, [why, *(error.message for error in auditor.errors)]
+
+
+def _is_divided(entity: Any) -> bool:
+    """Return whether a thin, open polyline has arcs, which may be those of doors."""
+    return getattr(entity, "has_arc", False) and not entity.is_closed and not _width(entity)
 
 
 def _frame(path: Any) -> FloatArray:
@@ -610,28 +612,11 @@ def _width(entity: Any) -> float:
     return float(entity.dxf.get("default_start_width", 0.0)) if entity.dxftype() == "POLYLINE" else 0.0
 
 
-def _paths(entity: Any) -> Iterator[Any]:
-    """Yield the paths of an entity; an open path is divided where it changes from straight to curved."""
-    from ezdxf.path import Command, from_hatch, make_path
-    from ezdxf.path import Path as Way
+def _paths(entity: Any) -> list[Any]:
+    from ezdxf.path import from_hatch, make_path
 
     whole = [*from_hatch(entity)] if entity.dxftype() == "HATCH" else [make_path(entity)]
-    for path in (part for one in whole for part in (one.sub_paths() if one.has_sub_paths else [one])):
-        if path.is_closed or not path.has_curves or not path.has_lines:
-            yield path
-            continue
-        start = path.start
-        for is_line, commands in itertools.groupby(path.commands(), lambda command: command.type == Command.LINE_TO):
-            piece = Way(start)
-            for command in commands:
-                if is_line:
-                    piece.line_to(command.end)
-                elif command.type == Command.CURVE3_TO:
-                    piece.curve3_to(command.end, command.ctrl)
-                else:
-                    piece.curve4_to(command.end, command.ctrl1, command.ctrl2)
-            start = piece.end
-            yield piece
+    return [part for one in whole for part in (one.sub_paths() if one.has_sub_paths else [one])]
 
 
 def _entities(
@@ -649,7 +634,7 @@ def _entities(
         if entity.dxftype() == "INSERT":
             for part in entity.multi_insert() if entity.mcount > 1 else [entity]:
                 yield from _entities(_expanded(part), (part.dxf.name, *blocks), depth + 1, count, layer)
-        elif entity.dxftype() == "MLINE":
+        elif entity.dxftype() == "MLINE" or _is_divided(entity):
             yield from ((layer, blocks, line) for line in entity.virtual_entities())
         else:
             yield layer, blocks, entity

@@ -15,6 +15,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
+from evac.base.defaults import NEGLIGIBLE
 from evac.base.errors import BuildingError
 from evac.base.parameters import Parameter, did_you_mean
 from evac.building.geometry import flat_parts, lines_of, place_of
@@ -36,11 +37,13 @@ from evac.building.recover.indoormaps import (
     profile_of,
     read_map,
 )
-from evac.building.recover.linework import LEAST_ROOM, door_sides, leads_out
+from evac.building.recover.linework import LEAST_CABIN, LEAST_ROOM, door_sides, leads_out
 from evac.building.recover.openstreetmap import features_of
 
 #: Values of the property ``kind`` of a feature.
 KINDS = ("storey", "area", "obstacle", "exit", "door", "opening")
+#: Beginnings of the descriptions of ground that is lost.
+GROUND = ("way ", "room ", "ground ")
 #: Kinds of features of an exported building, of which some follow from the others.
 DERIVED = ("wall", "portal", "refuge", "assembly", "sign", "line")
 EXPORTED = ("floor", "flight", "landing", "exit", "door", "area", *DERIVED)
@@ -123,19 +126,22 @@ class GeojsonImporter(Importer):
             shapes = [one.shape for one in features]
             storeys, steps, nowhere = read_map(profile, [*zip(own, shapes, strict=True)])
             plan.note("found", f"{len(features)} features", element="feature", number=len(features))
-            for text, number in Counter(text for text, _ in nowhere).items():
-                shape = next(shape for other, shape in nowhere if other == text)
-                at = None if shape.is_empty else place_of(shape)
-                plan.note("left out", text, place=at, element="feature", number=number)
-            self._add_map(plan, storeys, steps)
+            self._add_map(plan, storeys, steps, nowhere)
+            _note_lost(plan, nowhere)
         else:
             for kind, number in Counter(one.kind for one in features).items():
                 plan.note("found", f"{number} features of the kind {kind}", element=kind, number=number)
             self._add_storeys(plan, features)
         return plan
 
-    def _add_map(self, plan: Plan, storeys: Sequence[Storey], steps: Sequence[Steps]) -> None:
-        """Add the storeys and stairs of an indoor map."""
+    def _add_map(
+        self,
+        plan: Plan,
+        storeys: Sequence[Storey],
+        steps: Sequence[Steps],
+        nowhere: list[tuple[str, BaseGeometry]],
+    ) -> None:
+        """Add the storeys and stairs of an indoor map, and to what is on no storey what is left out of them."""
         if not storeys:
             raise ValueError("the indoor map has no room, corridor or unit that people can walk in")
         ground = min(storeys, key=lambda one: abs(one.order))
@@ -151,7 +157,7 @@ class GeojsonImporter(Importer):
                 named[name].solids += [*pieces, *landings]
         for storey in storeys:
             is_ground = storey.order == ground.order
-            self._add_level(plan, storey, heights[storey.name], "exit" if is_ground else "opening")
+            nowhere += self._add_level(plan, storey, heights[storey.name], "exit" if is_ground else "opening")
         numbers = range(1, len(steps) + 1)
         stairs = [(f"{one.name} {k}", one, own) for k, one, own in zip(numbers, steps, flights, strict=True)]
         faults = add_fitting(
@@ -166,14 +172,16 @@ class GeojsonImporter(Importer):
             if not one.is_directed:
                 plan.note("assumed", f"stair {name!r} ascends in the order of its points", one.levels[0])
 
-    def _add_level(self, plan: Plan, storey: Storey, z: float, outside: str) -> None:
-        """Add one storey of an indoor map; its rooms have walls if it has doors for most of them."""
+    def _add_level(self, plan: Plan, storey: Storey, z: float, outside: str) -> list[tuple[str, BaseGeometry]]:
+        """Add one storey of an indoor map; return what is left out. Its rooms have walls if most of them have doors."""
         solid = shapely.union_all(storey.solids)
         rooms = [shape for _, shape in storey.rooms]
         has_walls = 2 * sum(room.dwithin(storey.outlets, BESIDE) for room in rooms) >= len(rooms) > 0
         spaces = storey.spaces() if has_walls else [shapely.union_all([*storey.ways, *rooms])]
         parts = [one for space in spaces for one in shapely.get_parts(flat_parts(space.difference(solid)))]
-        parts = [one for one in parts if one.area > LEAST_ROOM]
+        parts = [one for one in parts if one.area > LEAST_CABIN]
+        small = [one for one in parts if one.area < LEAST_ROOM and not one.dwithin(storey.outlets, BESIDE)]
+        parts = [one for one in parts if one not in small]
         wall = self.wall or (INDOOR_WALL if has_walls else 0.0)
         floor = shapely.union_all(with_walls(distinct(parts), wall) if has_walls else parts)
         plan.storey(storey.name, parts, z, wall=wall)
@@ -187,6 +195,7 @@ class GeojsonImporter(Importer):
             self._add_door(plan, storey, door, f"{storey.name} {door.name or 'door'} {number}", parts, floor, outside)
         for number, (name, shape) in enumerate(storey.rooms, start=1):
             plan.area(f"{storey.name} {name or 'room'} {number}", storey.name, shape)
+        return [(f"ground of less than {LEAST_ROOM:g} m2 without a door", one) for one in small]
 
     def _add_door(
         self,
@@ -314,6 +323,17 @@ def _add_stair(
         plan.flight(name, edges[0], z1, edges[1], z2)
     for landing, z in zip(landings, ends[1:].tolist(), strict=False):
         plan.landing(name, landing, z)
+
+
+def _note_lost(plan: Plan, nowhere: Sequence[tuple[str, BaseGeometry]]) -> None:
+    """Add findings on features that are on no storey; ground among them is missing if it is more than negligible."""
+    ground = sum(part.area for storey in plan.storeys.values() for part in storey.polygons)
+    is_lost = sum(shape.area for text, shape in nowhere if text.startswith(GROUND)) > NEGLIGIBLE * ground
+    for text, number in Counter(text for text, _ in nowhere).items():
+        shape = next(shape for other, shape in nowhere if other == text)
+        kind = "missing" if is_lost and text.startswith(GROUND) else "left out"
+        place = None if shape.is_empty else place_of(shape)
+        plan.note(kind, text, place=place, element="feature", number=number)
 
 
 def _objects(data: Any) -> list[Mapping[str, Any]]:

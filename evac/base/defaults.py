@@ -40,3 +40,5 @@ LEAST_HEIGHT, MOST_HEIGHT = 0.3, 3.0
 #: Distance from which signs are seen that state none [m]: that of a sign of 0.15 m that is lit from inside (EN 1838:
 #: 200 times its height, and 100 times that of others, as makers of emergency lighting quote it).
 SIGN_RANGE = 30.0
+#: Share of the walkable ground that a file may lose, or that may have no way out, such as a closet without a door.
+NEGLIGIBLE = 0.02

@@ -156,8 +156,8 @@ def import_building(
         if CASE in changed:
             findings.append(Finding("assumed", f"{CASE} has been changed since it was written, and is kept"))
         stated = building.people if density is None else {}
-        rooms, assumed = fill(written, find_rooms(written), people, DENSITY if density is None else density, stated)
-        findings = sorted(with_missing(written, [*findings, *assumed]), key=lambda one: KINDS.index(one.kind))
+        rooms = fill(written, find_rooms(written), people, DENSITY if density is None else density, stated)
+        findings = sorted(with_missing(written, findings), key=lambda one: KINDS.index(one.kind))
         written = replace(written, source=place / building.name)
         missing = tuple(str(finding) for finding in findings if finding.kind == "missing")
         made = Imported(
@@ -214,34 +214,20 @@ def _changed_files(folder: Path) -> dict[str, str]:
 
 
 class _Draft:
-    """The building of an import in a draft of its folder: a plan that users can edit, or a mesh.
+    """The building of an import in a draft of its folder: a plan that users can edit, or a mesh."""
 
-    Attributes
-    ----------
-    name : str
-        Name of its file.
-    kept : dict
-        Keys of ``[building]`` of the case.
-    written : Building
-        The building as a case reads it.
-    openings : list of (level, (4,) array [m])
-        Openings that the file names.
-    findings : list of Finding
-        Those of the importer and on the building.
-    people : dict of str to float
-        People of rooms whose number the plan states, by area.
-    lines : list of dict
-        Tables [[line]] of the case.
-    """
+    name = PLAN  # of its file
+    written: Building  # as a case reads it
+    findings: list[Finding]  # those of the importer and on the building
+    people: dict[str, float]  # people of rooms whose number the plan states, by area
 
     def __init__(self, folder: Path, own: SurfaceOptions, registry: Registry) -> None:
         self._folder, self._registry = folder, registry
-        self.name = PLAN
-        # The other options are applied to the file.
+        # Keys of [building] of the case; the other options are applied to the file.
         keys = {"flat_angle", "walkable_angle", "treads", "weld"}
         self.kept = own.model_dump(include=keys, exclude_defaults=True)
-        self.openings: list[tuple[str, Any]] = []
-        self.lines: list[dict[str, Any]] = []
+        self.openings: list[tuple[str, Any]] = []  # that the file names: level and segment (4,) [m]
+        self.lines: list[dict[str, Any]] = []  # tables [[line]] of the case
 
     def keep(self, folder: Path) -> None:
         """Read the plan in a folder, and copy it with the files of its storeys that are there."""

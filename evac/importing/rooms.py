@@ -9,6 +9,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from evac.base.arrays import FloatArray
+from evac.base.defaults import NEGLIGIBLE
 from evac.base.errors import counted
 from evac.building.geometry import segment_lengths
 from evac.building.model.building import Building, Level
@@ -25,10 +26,6 @@ REACH = 0.05
 THICKEST = 1.0
 #: Relative positions along a wall at which ground behind it is searched.
 LOOKS = (0.1, 0.3, 0.5, 0.7, 0.9)
-#: Greatest density of people in an area; the others start on the floor around it [1/m2].
-FULL = 3.0
-#: Share of the walkable ground that may have no way out, such as a closet without a door.
-NEGLIGIBLE = 0.02
 #: Share of the ground of a room in enclosures of stairs from which on nobody starts in it.
 STAIRWELL = 0.7
 #: Number of levels that are named.
@@ -129,8 +126,8 @@ def find_rooms(building: Building) -> list[Room]:
 
 def fill(
     building: Building, rooms: list[Room], people: int | None, density: float, stated: Mapping[str, float]
-) -> tuple[list[Room], list[Finding]]:
-    """Return rooms with their numbers of people, 0 without a way to an exit or in stairwells, and what was assumed.
+) -> list[Room]:
+    """Return rooms with their numbers of people, 0 without a way to an exit or in stairwells.
 
     `people`: total number, divided among the rooms by area; `density` [1/m2]: used if `people` is not given, where the
     plan does not state the number of an area, as in `stated`.
@@ -147,16 +144,9 @@ def fill(
     if people is None:
         held = {(room.key, room.name): max(density * room.ground, 1.0) for room in used}
         held |= {("area", name): number for name, number in stated.items()}
-        return [replace(room, number=int(held[room.key, room.name] + 0.5)) for room in used] + closed, []
-    areas = [room for room in used if room.key == "area"]
-    around = _around(building, areas)
-    if not around or people <= FULL * sum(room.ground for room in used):
-        return _divided(people, used) + closed, []
-    areas = [replace(room, number=int(FULL * room.ground)) for room in areas]
-    placed = sum(room.number for room in areas)
-    text = f"{placed} people start in areas, {FULL:g} per square metre; the other {people - placed} start on the floors"
-    note = Finding("assumed", text, building.levels[areas[0].level].name)
-    return areas + _divided(people - placed, [room for room in used if room.key == "level"] + around) + closed, [note]
+        return [replace(room, number=int(held[room.key, room.name] + 0.5)) for room in used] + closed
+    numbers = divided(people, [room.ground for room in used])
+    return [replace(room, number=number) for room, number in zip(used, numbers, strict=True)] + closed
 
 
 def groups_of(building: Building, rooms: Sequence[Room]) -> list[tuple[str, Room]]:
@@ -173,22 +163,6 @@ def groups_of(building: Building, rooms: Sequence[Room]) -> list[tuple[str, Room
             groups.append((numbered(group.name, names), group))
             names.add(groups[-1][0])
     return groups
-
-
-def _around(building: Building, areas: list[Room]) -> list[Room]:
-    """Return the floors around areas, without the areas."""
-    floors = []
-    for index in sorted({room.level for room in areas}):
-        level = building.levels[index]
-        ground = float(level.polygon.area) - sum(room.ground for room in areas if room.level == index)
-        floors.append(Room("level", level.name, index, max(ground, 0.0)))
-    return floors
-
-
-def _divided(people: int, rooms: list[Room]) -> list[Room]:
-    """Return rooms with people divided by area."""
-    numbers = divided(people, [room.ground for room in rooms])
-    return [replace(room, number=number) for room, number in zip(rooms, numbers, strict=True)]
 
 
 def with_missing(building: Building, findings: Sequence[Finding]) -> list[Finding]:

@@ -198,17 +198,17 @@ def test_rooms_of_a_plan_have_the_people_that_they_state_or_the_load_of_their_us
 @pytest.mark.parametrize(("density", "people"), [(0.1, [1, 1, 2, 3]), (0.2, [1, 3, 4, 5])])
 def test_numbers_of_people_are_rounded_to_the_nearest_but_no_room_is_empty(density, people):
     building = rooms_of_ground(4.0, 13.0, 18.0, 27.0)
-    rooms, _ = fill(building, find_rooms(building), None, density, {})
+    rooms = fill(building, find_rooms(building), None, density, {})
     assert [room.number for room in rooms] == people
     areas = [replace(room, key="area") for room in rooms]
-    rooms, _ = fill(building, areas, None, density, {areas[0].name: 7.6, areas[1].name: 0.0})
+    rooms = fill(building, areas, None, density, {areas[0].name: 7.6, areas[1].name: 0.0})
     assert [room.number for room in rooms] == [8, 0, *people[2:]]
 
 
 def test_people_who_are_left_after_division_go_where_the_remainder_is_largest():
     building = rooms_of_ground(4.0, 10.0, 18.0)
     for people, numbers in ((8, [1, 3, 4]), (16, [2, 5, 9]), (3, [0, 1, 2])):
-        rooms, _ = fill(building, find_rooms(building), people, 0.1, {})
+        rooms = fill(building, find_rooms(building), people, 0.1, {})
         assert [room.number for room in rooms] == numbers
 
 

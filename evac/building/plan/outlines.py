@@ -155,7 +155,7 @@ def _simple(geometry: BaseGeometry) -> Iterator[BaseGeometry]:
 
 def _of_geojson(given: Mapping[str, Any]) -> Iterator[BaseGeometry]:
     """Yield the geometries of a GeoJSON object."""
-    kind = given.get("type")
+    kind = given.get("type") if isinstance(given, Mapping) else None
     if kind == "FeatureCollection":
         for feature in given.get("features", ()):
             yield from _of_geojson(feature)

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray, IndexArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.building.geometry import GRID, flat_parts, segment_lengths
-from evac.building.plan.outlines import normal, placed, strip
+from evac.building.plan.outlines import doorway
 from evac.building.surface.welding import weld_points
 
 #: Grid on which lines are noded [m]; lines that were meant to coincide do so on this grid.
@@ -283,12 +283,11 @@ def door_sides(doors: FloatArray, floor: BaseGeometry) -> IndexArray:
         reach = shapely.LineString(ends).buffer(3.0 * DOOR_REACH + 1.0, cap_style="square")
         near = flat_parts(floor.intersection(reach))
         try:
-            segment, _ = placed(near, ends, DOOR_REACH)
+            segment, _, beside = doorway(near, ends, DOOR_REACH)
         except ValueError:
             found.append(0)
             continue
-        ways = (normal(segment), -normal(segment))
-        strips = [one.polygon for way in ways if (one := strip(near, segment, way, DOOR_REACH)) is not None]
+        strips = [one.polygon for one in beside if one is not None]
         ground = shapely.union_all([near, *strips])
         is_whole = all(ground.dwithin(shapely.Point(end), LEAST_LENGTH) for end in segment)
         found.append(len(strips) if is_whole else 0)

@@ -21,14 +21,12 @@ def features_of(text: str) -> dict[str, Any]:
     """
     try:
         root = Tree.fromstring(text)
-        if root.tag != "osm":
-            raise ValueError(f"not OpenStreetMap XML: the first element is <{root.tag}>")
-        there = [one for one in root if one.get("action") != "delete" and one.get("visible") != "false"]
-        nodes = {
-            one.get("id"): (float(one.attrib["lon"]), float(one.attrib["lat"])) for one in there if one.tag == "node"
-        }
-    except (Tree.ParseError, KeyError) as error:
+    except Tree.ParseError as error:
         raise ValueError(f"not OpenStreetMap XML: {error}") from error
+    if root.tag != "osm":
+        raise ValueError(f"not OpenStreetMap XML: the first element is <{root.tag}>")
+    there = [one for one in root if one.get("action") != "delete" and one.get("visible") != "false"]
+    nodes = {one.get("id"): (_number(one, "lon"), _number(one, "lat")) for one in there if one.tag == "node"}
     features, ways = [], {}
     for one in there:
         tags = {str(tag.get("k")): str(tag.get("v")) for tag in one.iter("tag")}
@@ -49,6 +47,13 @@ def features_of(text: str) -> dict[str, Any]:
             label = f"{one.tag}/{one.get('id')}"
             features.append({"type": "Feature", "id": label, "properties": tags, "geometry": mapping(shape)})
     return {"type": "FeatureCollection", "features": features}
+
+
+def _number(node: Tree.Element, key: str) -> float:
+    try:
+        return float(node.get(key, ""))
+    except ValueError:
+        raise ValueError(f"node {node.get('id')}: {key} is {node.get(key)!r} and no number") from None
 
 
 def _is_area(tags: Mapping[str, str]) -> bool:
