@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from evac.building.plan.plan import Plan as Plan
     from evac.building.surface.surfacemesh import SurfaceMesh as SurfaceMesh
     from evac.case.case import Case as Case
-    from evac.case.loading import load_case as load  # noqa: F401
+    from evac.case.loading import load_case
     from evac.conditions.law import SmokeLaw as SmokeLaw
     from evac.conditions.source import ConditionSource as ConditionSource
     from evac.contract.hooks import hookimpl as hookimpl
@@ -59,6 +59,8 @@ if TYPE_CHECKING:
     from evac.trajectory.recorder import Recorder as Recorder
     from evac.trajectory.trajectory import Trajectory as Trajectory
     from evac.trajectory.trajectory import read_trajectory as read_trajectory
+
+    load, __version__ = load_case, ""
 
 #: Public names, and where each is imported from when it is first asked for: `import evac` alone costs nothing.
 _HOMES = {
@@ -115,15 +117,17 @@ _HOMES = {
 __all__ = list(_HOMES)
 
 
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first asked for."""
-    if name == "__version__":
-        return importlib.import_module("importlib.metadata").version("evac")
-    if name not in _HOMES:
-        raise AttributeError(f"module 'evac' has no attribute {name!r}")
-    value = getattr(importlib.import_module(_HOMES[name]), "load_case" if name == "load" else name)
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:  # to type checkers, unknown names would be of any type
+
+    def __getattr__(name: str) -> Any:
+        """Import a public name when it is first asked for."""
+        if name == "__version__":
+            return importlib.import_module("importlib.metadata").version("evac")
+        if name not in _HOMES:
+            raise AttributeError(f"module 'evac' has no attribute {name!r}")
+        value = getattr(importlib.import_module(_HOMES[name]), "load_case" if name == "load" else name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:
