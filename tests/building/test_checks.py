@@ -25,12 +25,6 @@ def test_level_between_two_portals_is_at_least_1_m_deep(mesh, read, depth, is_re
         read(mesh, exits=[EXIT])
 
 
-def test_flight_is_at_least_1_m_deep_in_plan(mesh, read):
-    mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 4.8, 2, 0, 0.4).rectangle(4.8, 0, 8, 2, 0.4)
-    with pytest.raises(BuildingError, match=r"'flight z=0.00..0.40' .* 0.80 m"):
-        read(mesh, exits=[EXIT])
-
-
 def test_portals_at_the_corner_of_a_quarter_landing_may_touch(mesh, read):
     mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, 2).rectangle(8, 0, 10, 2, 2)
     mesh.face((8, 2, 2), (10, 2, 2), (10, 6, 4), (8, 6, 4)).rectangle(8, 6, 12, 10, 4)

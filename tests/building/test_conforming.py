@@ -34,11 +34,6 @@ def flight_beside_floor():
     return SurfaceMesh.of_polygons(surfaces, [("exit:door", (2.5, 0, 0), (3.5, 0, 0))])
 
 
-def test_surfaces_keep_their_areas(flight_beside_floor):
-    assert area_of(flight_beside_floor, "floor:hall") == pytest.approx(23.0)
-    assert area_of(flight_beside_floor, "stair:main") == pytest.approx(2.0 * 5.0)
-
-
 def test_neighbours_share_their_edge(flight_beside_floor):
     floor, flight = (sides_of(cells_of(flight_beside_floor, tag)) for tag in ("floor:hall", "stair:main"))
     points = np.array(flight_beside_floor.points)
@@ -55,14 +50,3 @@ def test_an_edge_is_cut_where_a_corner_lies_on_it():
     surfaces = [("floor:west", box(0, 0, 2, 2), 0.0), ("floor:east", box(2, 0, 4, 2), 0.0)]
     mesh = SurfaceMesh.of_polygons(surfaces, [("exit:wide", (1, 0, 0), (3, 0, 0))])
     assert np.array(mesh.points)[mesh.edge_tags["exit:wide"]][:, :, 0].tolist() == [[1.0, 2.0], [2.0, 3.0]]
-
-
-def test_surfaces_at_different_heights_share_nothing():
-    mesh = SurfaceMesh.of_polygons([("floor:a", box(0, 0, 4, 4), 0.0), ("floor:b", box(0, 0, 2, 4), 3.0)])
-    assert len(mesh.points) == 8
-    assert not set(cells_of(mesh, "floor:a").ravel()) & set(cells_of(mesh, "floor:b").ravel())
-
-
-def test_a_surface_may_carry_several_tags():
-    mesh = SurfaceMesh.of_polygons([(("floor:a", "area:b"), box(0, 0, 2, 2), 0.0), ("floor:a", box(2, 0, 4, 2), 0.0)])
-    assert (np.sum(mesh.cell_tags["floor:a"]), np.sum(mesh.cell_tags["area:b"])) == (4, 2)

@@ -1,14 +1,10 @@
 """Doors of plans: along the wall between two rooms, kept with level and width, or refused with the place."""
 
-import json
-
-import numpy as np
 import pytest
 from shapely import box
 
 from evac import BuildingError, Plan
 from evac.building.geometry import united
-from evac.trajectory.header import building_from_json, building_to_json
 
 
 def two_rooms(segment, **options):
@@ -75,14 +71,6 @@ def test_doors_belong_to_the_level_of_their_storey_in_metres():
     ]
 
 
-def test_doors_are_kept_in_a_trajectory():
-    building = two_rooms([(10, 7), (10, 7.9)]).building(need_exit=False)
-    data = json.loads(json.dumps(building_to_json(building)))
-    (door,) = building_from_json(data).doors
-    assert (door.name, door.level, door.width) == ("inner", 0, building.doors[0].width)
-    np.testing.assert_array_equal(door.segment, building.doors[0].segment)
-
-
 @pytest.mark.parametrize("x", [9.95, 10.0, 10.05])
 def test_an_exit_at_a_wall_between_two_rooms_is_refused(x):
     plan = two_rooms([(10, 7), (10, 7.9)])
@@ -139,3 +127,14 @@ def test_an_exit_that_a_wall_makes_narrower_is_told():
     assert (told.kind, told.place) == ("warning", pytest.approx((10.5, 0.0)))
     assert "0.950 m" in told.text
     assert not any("'whole'" in finding.text for finding in building.findings)
+
+
+def test_doors_in_line_that_look_through_many_rooms_leave_no_ground_out():
+    """A triangulation of the floor has cells from jamb to jamb through fourteen rooms, narrower than the weld."""
+    plan = Plan()
+    plan.storey("a", [box(4 * i + 0.05, 0, 4 * i + 3.95, 3.9) for i in range(100)])
+    for column in range(1, 100):
+        plan.door(f"door {column}", "a", [(4 * column, 1), (4 * column, 2)])
+    building = plan.building(need_exit=False)
+    assert sum(level.polygon.area for level in building.levels) == pytest.approx(100 * 3.9 * 3.9 + 99 * 0.1)
+    assert building.findings == ()

@@ -1,6 +1,5 @@
 import re
 
-import meshio
 import numpy as np
 import pytest
 
@@ -109,14 +108,6 @@ def test_gmsh_41_with_physical_groups(tmp_path, stair_mesh, assert_same_building
     assert_same_building(building, read_building(stair_mesh.write_vtu(tmp_path / "building.vtu")))
 
 
-def test_gmsh_41_cell_in_two_groups(tmp_path):
-    text = GMSH41.replace("\n4\n1 7", '\n5\n2 9 "area:class"\n1 7', 1).replace("10 2 0 1 1 0", "10 2 0 2 1 9 0")
-    path = tmp_path / "building.msh"
-    path.write_text(text)
-    (area,) = read_building(path).areas
-    assert (area.name, area.level, area.polygon.area) == ("class", 0, 20.0)
-
-
 def test_ply_with_colours_edges_and_vertex_index(tmp_path):
     path = tmp_path / "hand.ply"
     path.write_text(PLY)
@@ -147,13 +138,6 @@ def test_off_with_colours_comments_and_polygons(tmp_path):
     mesh = read_mesh(path)
     assert len(mesh.points) == 5
     assert len(mesh.triangles) == 3
-
-
-def test_second_order_cells_count_by_their_corners(tmp_path):
-    points = [[0, 0, 0], [4, 0, 0], [0, 4, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]
-    path = tmp_path / "curved.vtu"
-    meshio.Mesh(np.array(points, dtype=float), [("triangle6", [[0, 1, 2, 3, 4, 5]])]).write(path)
-    np.testing.assert_array_equal(read_mesh(path).triangles, [[0, 1, 2]])
 
 
 def test_an_upright_wall_may_zigzag_in_plan(tmp_path):

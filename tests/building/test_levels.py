@@ -6,26 +6,6 @@ from evac.simulation.assembly import read_building
 EXIT = {"name": "out", "segment": [[0, 0], [0, 1]], "z": 0.0}
 
 
-def test_straight_stair(stair_mesh, read):
-    building = read(stair_mesh, exits=[EXIT])
-    assert [level.name for level in building.levels] == ["floor z=0.00", "flight z=0.00..3.00", "floor z=3.00"]
-    assert [portal.levels for portal in building.portals] == [(0, 1), (1, 2)]
-    assert building.portals[0].segments.tolist() == [[10, 0, 10, 2]]
-    assert building.portals[1].segments.tolist() == [[16, 0, 16, 2]]
-    assert building.levels[1].slope == pytest.approx(np.arctan(0.5))
-    assert building.stairs == {"stair 1": (1,)}
-    assert building.level_named("flight z=0.00..3.00") is building.levels[1]
-
-
-def test_names_of_tags_are_used(stair_mesh, tmp_path):
-    building = read_building(stair_mesh.write_vtu(tmp_path / "a.vtu"))
-    assert [(lv.name, lv.kind, lv.stair) for lv in building.levels] == [
-        ("ground", "floor", None),
-        ("main flight z=0.00..3.00", "flight", "main"),
-        ("upper", "floor", None),
-    ]
-
-
 def test_flat_angle_divides_flat_from_sloped(mesh, read):
     rise = float(10 * np.tan(np.deg2rad(2.9)))
     mesh.rectangle(0, 0, 10, 2).rectangle(10, 0, 20, 2, 0, rise).rectangle(20, 0, 30, 2, rise)

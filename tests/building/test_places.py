@@ -24,17 +24,6 @@ def test_exit_on_part_of_an_edge_splits_the_wall(room, read):
     )
 
 
-def test_exit_drawn_slightly_off_is_snapped_and_turned(room, read):
-    (found,) = read(room, exits=[way([6.04, 1.82], [5.97, 1])]).exits
-    np.testing.assert_allclose(found.segments, [[6, 1, 6, 1.82]], atol=1e-12)
-
-
-def test_exit_over_several_edges(mesh, read):
-    mesh.face((0, 0, 0), (4, 0, 0), (4.03, 1, 0), (4, 2, 0), (0, 2, 0))
-    (found,) = read(mesh, exits=[way([4, 0], [4, 2])]).exits
-    np.testing.assert_allclose(found.segments, [[4, 0, 4.03, 1], [4.03, 1, 4, 2]], atol=2e-3)
-
-
 @pytest.mark.parametrize("x", [2.96, 3.0, 3.04])
 def test_an_exit_at_a_wall_between_two_rooms_is_refused(mesh, read, x):
     mesh.rectangle(0, 0, 2.96, 4).rectangle(3.04, 0, 6, 4)
@@ -58,15 +47,6 @@ def test_exit_off_the_edge_names_the_nearest(room, read, segment, words):
         read(room, exits=[way(*segment)])
     assert words in str(caught.value)
     assert [one.item for one in caught.value.findings] == ["building.exits.out"]
-
-
-def test_second_exit_on_the_same_edge(room, read):
-    with pytest.raises(BuildingError, match="exit 'back'"):
-        read(room, exits=[way([6, 1], [6, 2]), way([6, 1], [6, 2], name="back")])
-    with pytest.raises(BuildingError, match="'out'"):
-        read(room, exits=[way([6, 1], [6, 2]), way([6, 2], [6, 3])])
-    building = read(room, exits=[way([6, 1], [6, 2]), way([6, 2], [6, 3], name="back")])
-    assert [found.width for found in building.exits] == [1.0, 1.0]
 
 
 def test_level_by_name_and_by_height(stair_mesh, read):

@@ -95,13 +95,6 @@ def test_a_stair_from_one_edge_cuts_both_floors_for_headroom():
     assert box(2, 1, 8, 2.5).contains(shapely.MultiPoint([one.place for one in cuts]))
 
 
-def test_without_headroom_nothing_is_cut():
-    plan = two_storeys(headroom=0.0)
-    plan.stair("main", "ground", [(2, 1), (2, 2.5)], "first", length=6.0, direction=(1, 0))
-    with pytest.raises(BuildingError, match=r"\(2\.00, "):
-        plan.building()
-
-
 @pytest.mark.parametrize(("turn", "y"), [("left", 2.7), ("right", 0.1)])
 def test_a_u_shaped_stair_from_one_edge(turn, y):
     plan = two_storeys()
@@ -310,16 +303,6 @@ def test_what_does_not_fit_is_refused_with_name_and_place(case):
     wrong, message = REFUSED[case]
     with pytest.raises(BuildingError, match=message):
         wrong(Plan())
-
-
-def test_a_plan_runs_as_a_case():
-    plan = two_storeys()
-    plan.stair("main", "ground", [(2, 1), (2, 2.5)], "first", length=6.0, direction=(1, 0))
-    plan.area("office", "first", box(9, 1, 12, 5))
-    people = [{"name": "up", "area": "office", "number": 5}, {"name": "down", "level": "ground", "number": 5}]
-    case = evac.load({"title": "plan", "building": plan, "people": people, "contact": {"model": "nsm2"}})
-    results = evac.run(case)
-    assert results.evacuated == 10
 
 
 def test_a_turned_flight_whose_edges_are_rounded_meets_its_floor():

@@ -8,7 +8,7 @@ import shapely
 from shapely import box
 
 from evac import BuildingError, Plan
-from evac.building.plan.plantable import plan_of, plan_of_building, slopes_of, table_of
+from evac.building.plan.plantable import plan_of, plan_of_building, table_of
 
 
 def everything():
@@ -83,15 +83,6 @@ def test_a_building_is_made_again_from_its_plan():
     assert [level.polygon.area for level in other.levels] == pytest.approx([level.polygon.area for level in one.levels])
     assert [level.slope for level in other.levels] == pytest.approx([level.slope for level in one.levels])
     assert (other.exits[0].width, other.areas[0].polygon.area) == (pytest.approx(1.0), pytest.approx(4.0))
-
-
-def test_the_planes_of_a_flight_have_heights():
-    building = winding()
-    (flight,) = [level for level in building.levels if level.kind == "flight"]
-    slopes = slopes_of(building, flight)
-    assert len(slopes) == 12  # two triangles for each pair of edges
-    heights = shapely.get_coordinates(slopes, include_z=True)[:, 2]
-    assert (heights.min(), heights.max()) == (pytest.approx(0.0), pytest.approx(1.5))
 
 
 @pytest.mark.parametrize(

@@ -16,23 +16,6 @@ def test_rectangle_has_four_walls_less_the_exit(mesh, read):
     assert (level.name, level.kind, level.polygon.area) == ("floor z=0.00", "floor", 12.0)
 
 
-def test_finely_meshed_room_has_the_same_walls(mesh, read):
-    for i in range(8):
-        for j in range(6):
-            mesh.rectangle(i / 2, j / 2, (i + 1) / 2, (j + 1) / 2)
-    building = read(mesh, exits=[EXIT])
-    assert building.walls.tolist() == [[0, 0, 4, 0], [0, 3, 0, 1], [4, 0, 4, 3], [4, 3, 0, 3]]
-
-
-def test_hanging_nodes_leave_no_wall_inside(mesh, read):
-    mesh.rectangle(0, 0, 4, 6)
-    for y in range(3):  # three cells against one long edge
-        mesh.rectangle(4, 2 * y, 8, 2 * y + 2)
-    building = read(mesh, exits=[EXIT])
-    assert len(building.levels) == 1
-    assert building.walls.tolist() == [[0, 0, 8, 0], [0, 6, 0, 1], [8, 0, 8, 6], [8, 6, 0, 6]]
-
-
 def test_hanging_nodes_on_two_edges_of_a_cell_and_off_by_less_than_the_weld(mesh, read):
     mesh.face((0, 0, 0), (4, 0, 0), (0, 4, 0))
     mesh.face((0, 0, 0), (2, 0.0004, 0), (1, -3, 0)).face((2, 0.0004, 0), (4, 0, 0), (3, -3, 0))
@@ -48,15 +31,6 @@ def test_gaps_below_the_weld_close_and_above_stay(mesh, read):
     mesh.rectangle(0, 0, 4, 3).rectangle(4.0009, 0, 8, 3)
     assert len(read(mesh, exits=[EXIT]).levels) == 1
     assert len(read(mesh, exits=[EXIT], weld=0.0005).levels) == 2
-
-
-def test_the_weld_is_in_metres_whatever_the_unit_of_the_mesh(mesh, read):
-    mesh.rectangle(0, 0, 4000, 3000).rectangle(4000.5, 0, 8000, 3000)
-    assert len(read(mesh, exits=[EXIT], scale=1e-3).levels) == 1
-
-
-def test_exact_meshes_need_no_weld(stair_mesh, read):
-    assert len(read(stair_mesh, exits=[{**EXIT, "segment": [[0, 0], [0, 2]]}], weld=0.0).portals) == 2
 
 
 def test_degenerate_steep_and_double_cells_are_dropped(mesh, read):

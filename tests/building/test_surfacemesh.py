@@ -1,4 +1,3 @@
-import numpy as np
 import pytest
 import shapely
 
@@ -15,11 +14,6 @@ def test_cells_of_any_number_of_corners_keep_their_tags(tmp_path):
     area = shapely.area(shapely.polygons(mesh.points[mesh.triangles][:, :, :2]))
     assert area[mesh.cell_tags["floor:a"]].sum() == pytest.approx(12.0)
     assert area[mesh.cell_tags["area:b"]].sum() == pytest.approx(16.0)
-
-
-def test_an_array_of_triangles_is_taken_as_it_is(tmp_path):
-    triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
-    np.testing.assert_array_equal(checked(tmp_path, SurfaceMesh(SQUARE, triangles)).triangles, triangles)
 
 
 def test_polygons_become_levels_with_exits_and_holes(tmp_path):

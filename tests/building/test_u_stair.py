@@ -45,16 +45,6 @@ def test_five_levels_and_four_portals_in_a_chain(u_stair):
     assert u_stair.warnings == ()
 
 
-def test_flights_rise_as_drawn(u_stair):
-    up, back = u_stair.levels[1], u_stair.levels[3]
-    np.testing.assert_allclose([up.slope, back.slope], SLOPE, rtol=1e-14)
-    np.testing.assert_allclose([up.uphill, back.uphill], [[1, 0], [-1, 0]], atol=1e-14)
-    for flight in (up, back):
-        x1, _, x2, _ = flight.polygon.bounds
-        assert (x2 - x1) / np.cos(flight.slope) == pytest.approx(5.2574, abs=1e-4)
-    assert all(u_stair.levels[index].slope == 0.0 for index in (0, 2, 4))
-
-
 def test_wall_between_the_flights_stands_on_both(u_stair):
     for level, ends in ((1, [12, 8, 7, 8]), (3, [7, 8, 12, 8])):
         own = u_stair.walls[u_stair.wall_level == level]
@@ -108,13 +98,6 @@ def test_obj_with_texture_normals_groups_and_lines(u_stair, u_stair_path, tmp_pa
     path = tmp_path / "exported.obj"
     path.write_text("\n".join(lines))
     assert_same_building(u_stair, read_building(path, exits=[EXIT]))
-
-
-def test_other_units(u_stair, u_stair_path, tmp_path, assert_same_building):
-    points, triangles = read_plain(u_stair_path)
-    path = tmp_path / "millimetres.off"
-    meshio.Mesh(points * 1000.0, [("triangle", triangles)]).write(path)
-    assert_same_building(u_stair, read_building(path, scale=0.001, exits=[EXIT]))
 
 
 def test_turned_and_moved_in_single_precision(u_stair, u_stair_path, tmp_path):
