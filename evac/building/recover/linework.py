@@ -44,8 +44,6 @@ BESIDE = 0.01
 PARALLEL = 0.9
 #: An end is joined to lines up to this multiple of the distance to the nearest one.
 FARTHER = 2.0
-#: A wall end is joined to its own wall only if the path along the wall is this many times longer than the gap.
-DETOUR = 3.0
 
 Lines = NDArray[np.object_]
 
@@ -346,15 +344,12 @@ def _closings(pieces: Lines, gap: float) -> FloatArray:
         return np.empty((0, 4))
     nodes, at, count = _nodes(pieces)
     ends = np.flatnonzero(count == 1)
-    way = _along_walls(at, shapely.length(pieces), ends, DETOUR * gap)
     one, piece = shapely.STRtree(pieces).query(shapely.points(nodes[ends]), predicate="dwithin", distance=gap)
     start = ends[one]
     across = shapely.shortest_line(shapely.points(nodes[start]), pieces[piece])
     target = shapely.get_coordinates(across)[1::2]
     far = shapely.length(across)
-    pairs = zip(start.tolist(), at[piece].tolist(), strict=True)
-    reach = np.array([min(way.get((a, b), math.inf) for b in both) for a, both in pairs])
-    is_other = (start[:, None] != at[piece]).all(axis=1) & (DETOUR * far < reach)
+    is_other = (start[:, None] != at[piece]).all(axis=1)
     start, piece, target, far = start[is_other], piece[is_other], target[is_other], far[is_other]
     nearest = np.full(len(nodes), math.inf)
     np.minimum.at(nearest, start, far)
@@ -372,19 +367,6 @@ def _closings(pieces: Lines, gap: float) -> FloatArray:
             cluster[end], touched[end] = together, pieces_of
         closed.add((*nodes[a].tolist(), *target[row].tolist()))
     return np.array(sorted(one for one in closed if one[:2] != one[2:])).reshape(-1, 4)
-
-
-def _along_walls(at: IndexArray, length: FloatArray, ends: IndexArray, reach: float) -> dict[tuple[int, int], float]:
-    """Return the distances along walls from ends to the nodes within a reach [m]."""
-    import networkx  # takes 0.1 s, and few drawings need it
-
-    walls = networkx.Graph()
-    walls.add_weighted_edges_from((a, b, far) for (a, b), far in zip(at.tolist(), length.tolist(), strict=True))
-    return {
-        (end, node): far
-        for end in ends.tolist()
-        for node, far in networkx.single_source_dijkstra_path_length(walls, end, cutoff=reach).items()
-    }
 
 
 def _door_lines(pieces: Lines, gap: float, door: float) -> list[tuple[FloatArray, FloatArray]]:
