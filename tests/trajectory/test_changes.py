@@ -24,7 +24,7 @@ from evac.replay.writer import replay_trajectory
 from evac.report.sections import building_section
 from evac.results.ending import Stopped
 from evac_plugins.export_geojson import GeojsonExporter
-from evac_plugins.export_vtk import VtkExporter
+from evac_plugins.export_motion import VtkExporter
 
 CASE = {
     "building": {

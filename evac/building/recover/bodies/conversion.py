@@ -254,8 +254,6 @@ def plan_of_bodies(
     for stair in stairs:
         stair.add_to(plan)
     _add_doors(plan, ways, rules)
-    if not plan.exits:
-        _note_alone(plan, floors, stairs)
     return plan
 
 
@@ -356,11 +354,3 @@ def _add_floor(
     plan.storey(floor.name, rest or None, floor.z)
     for name, use, piece in rooms:
         plan.room(name, floor.name, piece, use=use or None)
-
-
-def _note_alone(plan: Plan, floors: Sequence[Floor], stairs: Sequence[FoundStair]) -> None:
-    """Warn of each storey to which no stair leads; where there are exits, the building tells what has no way out."""
-    met = {floor.name for stair in stairs for floor in stair.floors}
-    for floor in floors:
-        if len(floors) > 1 and floor.name not in met:
-            plan.note("warning", "no stair leads here", floor.name, place_of(floor.ground))

@@ -18,8 +18,8 @@ from evac.building.plan.outlines import normal, strip
 from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import NOTCH, Body, closed, snapped
 from evac.building.recover.bodies.floors import Floor
-from evac.building.recover.bodies.treads import LEAST_GOING, SHORT, Landing, Run, treads_of
-from evac.building.surface.checks import LEAST_DEPTH
+from evac.building.recover.bodies.treads import LEAST_GOING, SHORT, SINGLE_FILE, Landing, Run, treads_of
+from evac.building.surface.checks import LEAST_DEPTH, ROUNDING
 
 #: Largest gap in plan between the end of a flight and a floor [m].
 FAR = 0.6
@@ -33,8 +33,6 @@ FIT = 0.05
 SAME_FLOOR = 0.1
 #: Widths tried in turn by which each side of a flight is narrowed, until a floor lies along all of its end [m].
 NARROWED = (0.0, 0.02, 0.05, 0.1)
-#: Least width of a flight that winds [m].
-LEAST_WIDTH = 0.5
 #: Minimum height of a passage under a slab [m]; below the height of people, since slabs and flights are not exact.
 PASSABLE = 1.5
 #: A slab is taken as closed if it covers more than this share of the ground that a flight needs free.
@@ -174,6 +172,12 @@ def stairs_of(
     for run in runs:
         try:
             made.append((run, _flight(run, floors, landings)))
+            if run.width < SINGLE_FILE:
+                text = (
+                    f"{_names(run.names)} is {SINGLE_FILE:g} m wide, for people in single file: {run.width:.2f} m of "
+                    f"its treads are as deep as {LEAST_GOING:g} m and their risers"
+                )
+                findings.append(Finding("assumed", text, _storey(floors, run.treads[0].z), run.place))
         except LeftOutError as left:
             plan = united([tread for tread, _ in run.treads])
             around = united([hulls[floor.name] for floor in floors if abs(floor.z - run.treads[-1].z) < STEPS])
@@ -238,15 +242,9 @@ def _flight(run: Run, floors: Sequence[Floor], landings: Sequence[Landing]) -> F
     """Return the flight of a run, with the floors or landings that it meets."""
     lower, upper = (_end(run, is_upper, floors, landings) for is_upper in (False, True))
     edges = run.edges[:-1] if _is_flush(run, upper.z) else run.edges
-    narrow = int(np.hypot(*(edges[:, 1] - edges[:, 0]).T).argmin())
-    width = float(np.hypot(*(edges[narrow, 1] - edges[narrow, 0])))
-    if run.winds and width < LEAST_WIDTH:
-        x, y = edges[narrow].mean(axis=0).tolist()
-        text = (
-            f"{_names(run.names)} is left out: its treads wind, and only {width:.2f} m of their width are as deep as "
-            f"{LEAST_GOING:g} m and their risers"
-        )
-        raise LeftOutError(text, _storey(floors, upper.z), (x, y))
+    if np.hypot(*(edges[:, 1] - edges[:, 0]).T).min() < SINGLE_FILE - ROUNDING:
+        text = f"{_names(run.names)} is left out: its treads wind, and they are too short to walk on"
+        raise LeftOutError(text, _storey(floors, upper.z), run.place)
     going = float(np.hypot(*np.diff(edges.mean(axis=1), axis=0).T).sum()) / (len(edges) - 1)
     return Flight(lower, upper, edges[1:-1] if run.winds else edges[:0], going, run.riser)
 

@@ -29,6 +29,8 @@ LEAST_GOING = 0.15
 MEET = (0.002, 0.03, 0.11)
 #: Least length of the edge along which they meet [m].
 LEAST_EDGE = 0.1
+#: Least length of the treads of a stair that winds, and the width that people need in single file [m].
+SHORTEST, SINGLE_FILE = 0.55, 0.5
 #: Steps by which edges are shortened at their inner ends [m].
 TRIM = 0.01
 #: Cosine of the slope of the steepest inclined face that is walked on.
@@ -54,6 +56,7 @@ class Run:
     edges: FloatArray  # (e, 2, 2) float64 [m]: front edge of each tread and back edge of the last one, right end first
     riser: float  # [m]; 0 for an inclined face
     winds: bool = False  # whether its treads turn
+    width: float = np.inf  # if they do, their least width where they are deep enough [m]
 
     @property
     def place(self) -> tuple[float, float]:
@@ -131,8 +134,8 @@ def _run(name: str, chain: list[Landing]) -> Run:
     treads = [plan for plan, _ in chain]
     riser = float(np.median(np.diff([height for _, height in chain])))
     direction, winds = direction_of(treads)
-    edges = _winding_edges(treads, riser) if winds else _straight_edges(treads, direction)
-    return Run((name,), chain, edges, riser, winds)
+    edges, width = _winding_edges(treads, riser) if winds else (_straight_edges(treads, direction), np.inf)
+    return Run((name,), chain, edges, riser, winds, width)
 
 
 def _straight_edges(treads: Sequence[BaseGeometry], direction: FloatArray) -> FloatArray:
@@ -146,8 +149,11 @@ def _straight_edges(treads: Sequence[BaseGeometry], direction: FloatArray) -> Fl
     return edges
 
 
-def _winding_edges(treads: Sequence[BaseGeometry], riser: float) -> FloatArray:
-    """Return the edges (t + 1, 2, 2) of treads that turn, shortened at their narrow ends."""
+def _winding_edges(treads: Sequence[BaseGeometry], riser: float) -> tuple[FloatArray, float]:
+    """Return the edges (t + 1, 2, 2) of treads that turn, shortened at their narrow ends, and their least width [m].
+
+    Edges that are too short then, of treads that are long enough, are lengthened at their outer ends for single file.
+    """
     between = [_shared(lower, upper) for lower, upper in pairwise(treads)]
     edges = np.array([_far_side(treads[0], between[0])[::-1], *between, _far_side(treads[-1], between[-1])])
     lengths = np.hypot(*(edges[:, 1] - edges[:, 0]).T)
@@ -164,7 +170,12 @@ def _winding_edges(treads: Sequence[BaseGeometry], riser: float) -> FloatArray:
                 break
     edges[:, 0] += less[:, :1] * ways
     edges[:, 1] -= less[:, 1:] * ways
-    return edges
+    widths = np.hypot(*(edges[:, 1] - edges[:, 0]).T)
+    if lengths.min() >= SHORTEST:
+        lacks = np.maximum(SINGLE_FILE - widths, 0.0)[:, None]
+        outer = int(less.sum(axis=0).argmin())
+        edges[:, outer] += (lacks if outer else -lacks) * ways
+    return edges, float(widths.min())
 
 
 def _shared(lower: BaseGeometry, upper: BaseGeometry) -> FloatArray:
@@ -234,15 +245,9 @@ def _inclined_faces(body: Body) -> list[tuple[BaseGeometry, FloatArray, tuple[fl
 
 
 def _squared(direction: FloatArray, treads: Sequence[BaseGeometry]) -> FloatArray:
-    """Return the direction perpendicular to the longest tread side that is roughly perpendicular to it."""
-    best, found = 0.0, direction
-    for plan in treads:
-        corners = shapely.get_coordinates(plan.exterior)
-        sides = np.diff(corners, axis=0)
-        length = np.hypot(*sides.T)
-        across = np.stack([-sides[:, 1], sides[:, 0]], axis=1) / np.maximum(length, 1e-9)[:, None]
-        is_across = np.abs(across @ direction) > 0.9
-        if is_across.any() and length[is_across].max() > best + 1e-6:
-            row = int(np.flatnonzero(is_across)[length[is_across].argmax()])
-            best, found = float(length[row]), across[row] * np.sign(across[row] @ direction)
+    """Return the direction perpendicular to the sides of the largest tread that is nearest to one."""
+    box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(max(treads, key=lambda tread: tread.area)))
+    sides = np.diff(box[:3], axis=0) / np.hypot(*np.diff(box[:3], axis=0).T)[:, None]
+    row = int(np.abs(sides @ direction).argmax())
+    found: FloatArray = sides[row] * np.sign(sides[row] @ direction)
     return found
