@@ -5,11 +5,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 from evac.base.parameters import Parameter
-from evac.base.saved import taken
+from evac.base.saved import Bounds
 from evac.directions.sampling import column_of, sample_direction
 from evac.jit import Bytes, Floats, Ints, Pairs, Struct, inner, kernel
 from evac.people.behaviour import Behaviour, BehaviourScene
@@ -158,6 +157,7 @@ class Walking(Behaviour):
     """
 
     name = "walking"
+    saved = ("heading",)
     group_keys = ("chest_depth",)
     reads = ("position", "level", "contact_radius", "speed", "tau", "start_time", "route")
     writes = ("speed_factor", "extra_direction")
@@ -222,10 +222,10 @@ class Walking(Behaviour):
         self._world, self._outside, self._tick = scene.world, scene.outside, scene.tick
         self._displacement_velocity = scene.displacement_velocity
         self._sights = make_sights(n, levels)
-        heading, following, desired, velocity = np.zeros((4, n, 2))
+        self.heading, following, desired, velocity = np.zeros((4, n, 2))
         factor, left = np.ones((2, n))
         self._motion = Motion(
-            heading=heading,
+            heading=self.heading,
             next=following,
             desired=desired,
             velocity=velocity,
@@ -257,14 +257,9 @@ class Walking(Behaviour):
         self._motion.velocity[:] = self._displacement_velocity
         walk(self._world, crowd, self._outside, self._sights, self._seen, self._motion, self._rule, self._tick, time)
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """Return the headings of the last tick."""
-        return {"heading": self._motion.heading}
-
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore the headings."""
-        heading = self._motion.heading
-        heading[:] = taken(state, "heading", np.float64, heading.shape, -LONGEST, LONGEST)
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of unit vectors."""
+        return {"heading": Bounds(-LONGEST, LONGEST)}
 
 
 @kernel

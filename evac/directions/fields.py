@@ -46,37 +46,18 @@ class PackedFields(Struct):
 
     A column is a route for a class of bodies: those of the first class on each route, then those of the next class.
     Bodies are of different classes if there is a gap that only the narrower one fits through; see `columns_of`.
-
-    Attributes
-    ----------
-    origin : (levels, 2) float64
-        Plan position of node (0, 0) of the grid of each level [m].
-    shape : (levels, 2) int32
-        Numbers of nodes along x and y.
-    spacing : float
-        Grid spacing [m].
-    width : (classes - 1,) float64
-        Greatest body width of each class except the last [m], ascending; empty in a building without such gaps.
-    field_of : (levels, columns) int32
-        Field of a level and column; -1 if the destination of the route cannot be reached from the level.
-    offset : (fields,) int64
-        First node of each field; node (ix, iy) is at offset + ix * ny + iy.
-    direction : (nodes, 2) float64
-        Unit vectors of steepest descent, with the slowness increased near walls; zero where the destination
-        cannot be reached.
-    travel_time : (nodes,) float64
-        Plain travel time to the destination [s] at the reference speeds; inf where the destination cannot be
-        reached, negative behind exits.
-    walls : CellWalls
     """
 
-    origin: Pairs
-    shape: IntPairs
-    spacing: float
-    width: Floats
-    field_of: IntGrid
-    offset: Longs
+    origin: Pairs  # (levels, 2) plan position of node (0, 0) of the grid of each level [m]
+    shape: IntPairs  # (levels, 2) numbers of nodes along x and y
+    spacing: float  # [m]
+    width: Floats  # (classes - 1,) greatest width of bodies of each class except the last [m], ascending
+    field_of: IntGrid  # (levels, columns) -1 if the destination of the route cannot be reached from the level
+    offset: Longs  # (fields,) first node of each field; node (ix, iy) is at offset + ix * ny + iy
+    # (nodes, 2) unit vectors of steepest descent, with the slowness increased near walls; zero where there is no way
     direction: Pairs
+    # (nodes,) plain travel time to the destination [s] at the reference speeds; inf where there is no way, negative
+    # behind exits
     travel_time: Floats
     walls: CellWalls
 
@@ -175,10 +156,7 @@ class Fields:
             Radius of the body, for which gaps that it does not fit through are walls. By default, the narrowest body of
             the case.
         """
-        from evac.directions.sampling import sample_travel_times
-
-        column = columns_of(self.packed, route, radius)
-        return _sampled(sample_travel_times, self.packed, level, position, column, ())
+        return self._times_at(self.packed, level, position, route, radius)
 
     def lengths_at(
         self, level: ArrayLike, position: FloatArray, route: ArrayLike, radius: ArrayLike = 0.0
@@ -188,11 +166,8 @@ class Fields:
         They are also inf where no way to the destination is as wide as the body, although there is a travel time, and a
         direction towards the narrow place.
         """
-        from evac.directions.sampling import sample_travel_times
-
-        column = columns_of(self.packed, route, radius)
         columns = [
-            _sampled(sample_travel_times, self.packed.replace(travel_time=length), level, position, column, ())
+            self._times_at(self.packed.replace(travel_time=length), level, position, route, radius)
             for length in self.lengths.T
         ]
         # Within a cell of an exit, the bilinear value can be negative by rounding.
@@ -205,10 +180,14 @@ class Fields:
 
         Where it is not, there can be a travel time nevertheless, and a direction towards the narrow place.
         """
+        return np.isfinite(self._times_at(self._passable, level, position, route, radius))
+
+    def _times_at(
+        self, packed: PackedFields, level: ArrayLike, position: FloatArray, route: ArrayLike, radius: ArrayLike
+    ) -> FloatArray:
         from evac.directions.sampling import sample_travel_times
 
-        column = columns_of(self.packed, route, radius)
-        return np.isfinite(_sampled(sample_travel_times, self._passable, level, position, column, ()))
+        return _sampled(sample_travel_times, packed, level, position, columns_of(packed, route, radius), ())
 
     def directions_at(
         self, level: ArrayLike, position: FloatArray, route: ArrayLike, radius: ArrayLike = 0.0
@@ -216,8 +195,7 @@ class Fields:
         """Return the unit directions (n, 2) of routes at positions; zero where the destination cannot be reached."""
         from evac.directions.sampling import sample_directions
 
-        column = columns_of(self.packed, route, radius)
-        return _sampled(sample_directions, self.packed, level, position, column, (2,))
+        return _sampled(sample_directions, self.packed, level, position, columns_of(self.packed, route, radius), (2,))
 
 
 def _sampled(
