@@ -119,10 +119,10 @@ def find_queues(trajectory: Trajectory, flows: Iterable[LineFlow]) -> tuple[Queu
     The passages of people are those of `flows`, of all links, doors and lines.
     """
     ways = _Ways(trajectory, flows)
-    causes = [_cause(trajectory.building, one) for one in ways.lines]
+    causes = [_cause(trajectory.building, line) for line in ways.lines]
     causes += [("level", level.title) for level in trajectory.building.levels]
     numbers = {cause: number for number, cause in enumerate(dict.fromkeys(causes))}
-    number = np.array([numbers[one] for one in causes], np.int64)
+    number = np.array([numbers[cause] for cause in causes], np.int64)
     queues, standing = [_Waiting(trajectory, ways, *cause) for cause in numbers], _Standing(trajectory)
     for part in _whole_spans(trajectory, ways):
         still = standing.add(part)
@@ -133,7 +133,9 @@ def find_queues(trajectory: Trajectory, flows: Iterable[LineFlow]) -> tuple[Queu
             own = np.flatnonzero(cause == k)
             queues[k].add(rows.chosen(own), line[own], passes[own], away[own], still)
     waited = sum(queue.waited for queue in queues)
-    return tuple(sorted((one.queue(waited, standing) for one in queues if one.waited), key=lambda one: -one.waited))
+    return tuple(
+        sorted((queue.queue(waited, standing) for queue in queues if queue.waited), key=lambda queue: -queue.waited)
+    )
 
 
 def _whole_spans(trajectory: Trajectory, ways: "_Ways") -> Iterator[Records]:

@@ -174,7 +174,7 @@ class Comparison:
 
     def _maps(self) -> Iterator[figures.Picture]:
         """Yield the maps of differences of designs that have maps: recorded runs, and studies with maps."""
-        mapped = [(one.label, one.building, maps) for one in self.designs if one.building and (maps := one.maps())]
+        mapped = [(of.label, of.building, maps) for of in self.designs if of.building and (maps := of.maps())]
         for label, _, others in mapped[1:]:
             _, building, maps = mapped[0]
             for quantity in MAPS if maps.keys() & others.keys() else ():

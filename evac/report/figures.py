@@ -164,11 +164,11 @@ MARGINS = (
 )
 
 
-def margins(trajectory: Trajectory, found: Sequence[LeastMargin]) -> Picture:
+def margins(trajectory: Trajectory, least_margins: Sequence[LeastMargin]) -> Picture:
     """Return plans of the storeys with marks where people had their least margins."""
     plans_ = draw_plans(trajectory.building, None, side=0.1, greatest=PLANS)
-    least, level = np.array([one.margin for one in found]), np.array([one.level for one in found])
-    place, words, low = np.array([(one.x, one.y) for one in found]), list[str](), -math.inf
+    least, level = np.array([of.margin for of in least_margins]), np.array([of.level for of in least_margins])
+    place, words, low = np.array([(of.x, of.y) for of in least_margins]), list[str](), -math.inf
     for high, colour, shape, size, what in MARGINS:
         is_such = (least >= low) & (least < high)
         for axes, levels in zip(plans_.axes, plans_.levels, strict=True):

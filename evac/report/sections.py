@@ -191,9 +191,9 @@ def _uses(run: Results | None) -> list[tuple[object, ...]]:
         own, load = [area for area in areas if area.use == use], load_table().get(use, {})
         assert run is not None
         there = [
-            shapely.intersects_xy(one.polygon, *run.start_position.T) & (run.start_level == one.level) for one in own
+            shapely.intersects_xy(room.polygon, *run.start_position.T) & (run.start_level == room.level) for room in own
         ]
-        ground, share = sum(one.polygon.area for one in own), load.get("ground")
+        ground, share = sum(room.polygon.area for room in own), load.get("ground")
         people = ground / share if share else 0.0
         starts = int(np.logical_or.reduce(there).sum())
         numbers = fixed(ground, 1), fixed(share, 1), fixed(people, 0), str(starts)

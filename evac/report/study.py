@@ -264,16 +264,16 @@ def _over_runs(study: Study, id_: str, title: str, names: Sequence[str]) -> Sect
     """Return a section with some of the tables of runs over runs; nothing of what is zero in all of them."""
     points = []
     for point in study.points:
-        found: dict[str, dict[tuple[str, str], list[float]]] = {name: {} for name in names}
+        values: dict[str, dict[tuple[str, str], list[float]]] = {name: {} for name in names}
         for row in study.rows(point.index, ["tables"]):
-            for one in row["tables"]:
-                if one["table"] in found:
-                    found[one["table"]].setdefault((one["row"], one["column"]), []).append(one["value"])
+            for number in row["tables"]:
+                if number["table"] in values:
+                    values[number["table"]].setdefault((number["row"], number["column"]), []).append(number["value"])
         rows = {
             f"{TABLES[name].caption}, over runs": [(*place, *_spread(of)) for place, of in own.items() if any(of)]
-            for name, own in found.items()
+            for name, own in values.items()
         }
-        points.append([one for one in rows.items() if one[1]])
+        points.append([table for table in rows.items() if table[1]])
     return section(id_, title, "over_runs", points=points, names=[point.label for point in study.points])
 
 

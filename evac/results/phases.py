@@ -45,7 +45,7 @@ def phases_of(
 
     `start`: levels (n,) and positions (n, 2) [m] at which people started.
     """
-    found = []
+    uses = []
     for phase in phases:
         rows = np.unique(np.concatenate([_starting(name, building, groups, *start) for name in phase.of]))
         alarms = [change.time for change in changes if change.kind == "alarm" and change.what in phase.of]
@@ -54,7 +54,7 @@ def phases_of(
         for title in dict.fromkeys(building.levels[level].title for level in start[0][rows].tolist()):
             own = [level.index for level in building.levels if level.title == title]
             levels[title] = moves.occupancy(own)["last_left"]
-        found.append(
+        uses.append(
             PhaseUse(
                 name=phase.name,
                 of=phase.of,
@@ -66,7 +66,7 @@ def phases_of(
                 clear=levels,
             )
         )
-    return found
+    return uses
 
 
 def _starting(name: str, building: Building, groups: Sequence[Group], level: IntArray, at: FloatArray) -> IntArray:

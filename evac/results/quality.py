@@ -126,7 +126,7 @@ def flow_warnings(building: Building, flows: Iterable[LineFlow], keepers: Sequen
     advice = "check in flows.csv whether they passed within a short time"
     if keepers is not None:
         advice = f"use a behaviour with which people keep their distance{_sets(keepers)}"
-    found = dict[str, tuple[float, float]]()
+    greatest = dict[str, tuple[float, float]]()
     for line in (one for one in flows if one.kind != "line"):
         levels = (building.levels[level] for level in line.levels)
         stair = next((level.stair for level in levels if level.stair and not level.is_ramp), None)
@@ -138,12 +138,12 @@ def flow_warnings(building: Building, flows: Iterable[LineFlow], keepers: Sequen
             is_new[np.flatnonzero(way)[first]] = True
             flow = (line.flow_of(is_new) or 0.0) / line.width
             if flow > limit:
-                found[what] = max(found.get(what, (flow, limit)), (flow, limit))
+                greatest[what] = max(greatest.get(what, (flow, limit)), (flow, limit))
     return tuple(
         f"flow higher than measured: evacuation times may be too short; {advice}. "
         f"{flow:.2f} people per second and metre passed {what}, at most {limit} in "
         f"{'experiments' if limit == LABORATORY else 'design guides'}"
-        for what, (flow, limit) in found.items()
+        for what, (flow, limit) in greatest.items()
     )
 
 

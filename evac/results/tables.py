@@ -160,8 +160,8 @@ def _outcomes(run: "Results") -> Iterator[tuple[str, float | None]]:
         yield "greatest dose", float(np.max(doses, initial=0.0))
     for change in run.changes:
         yield f"{change.words}, at [s]", change.time
-    for one in (run.safety or {}).get("compartments", ()):
-        yield f"least margin of a person in {one['name']!r} [s]", one["least_margin"]
+    for compartment in (run.safety or {}).get("compartments", ()):
+        yield f"least margin of a person in {compartment['name']!r} [s]", compartment["least_margin"]
 
 
 def _used(places: Mapping[str, Occupancy]) -> Rows:

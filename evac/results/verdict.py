@@ -129,12 +129,12 @@ def least_margins(
     if not margins:
         return []
     least, at = margins["least_margin"], margins["least_margin_at"]
-    found = []
+    worst_first = []
     for person in np.argsort(least, kind="stable")[: np.isfinite(least).sum()][:most].tolist():
         rows = trajectory.rows[max(int(np.searchsorted(trajectory.time, at[person] + 1e-9)) - 1, 0)]
         own = np.flatnonzero(rows.person == person)
         if len(own):  # who leaves soon after it came may be in no recorded state
             x, y = (rows.motion[own[0], :2].astype(np.float64) + trajectory.origin).tolist()
             level = trajectory.building.levels[rows.level[own[0]]].name
-            found.append(LeastMargin(person, float(least[person]), float(at[person]), level, x, y))
-    return found
+            worst_first.append(LeastMargin(person, float(least[person]), float(at[person]), level, x, y))
+    return worst_first

@@ -34,14 +34,14 @@ def maps_of(results: "Results") -> tuple[list[dict[str, Any]], list[dict[str, An
     trajectory, rows = results.trajectory, list[dict[str, Any]]()
     if trajectory is None or not len(trajectory):
         return [], []
-    watched, found = Exceedance(trajectory, spacing=SPACING), least_margins(results.margins, trajectory)
+    watched, margins = Exceedance(trajectory, spacing=SPACING), least_margins(results.margins, trajectory)
     for level in level_maps(trajectory, spacing=SPACING, watch=watched.add).values():
-        least, own = np.full(level.density.size, np.nan), [one for one in found if one.level == level.level]
-        if own:
+        least, here = np.full(level.density.size, np.nan), [of for of in margins if of.level == level.level]
+        if here:
             cells = Cells(trajectory.building.levels[level.index], SPACING)
-            where = cells.cell(np.array([(one.x, one.y) for one in own]))
-            np.fmin.at(least, where, [one.margin for one in own])
-        maps = {name: level.array(name) for name in QUANTITIES} | ({MARGIN: least} if found else {})
+            where = cells.cell(np.array([(of.x, of.y) for of in here]))
+            np.fmin.at(least, where, [of.margin for of in here])
+        maps = {name: level.array(name) for name in QUANTITIES} | ({MARGIN: least} if margins else {})
         rows += [
             {"level": level.level, "quantity": name, "values": values.ravel().astype(np.float32)}
             for name, values in maps.items()
@@ -67,15 +67,15 @@ def maps_over_runs(study: "Study", point: int) -> Mapping[str, MapsOverRuns]:
     sums: dict[tuple[str, str], FloatArray] = {}  # (3, cells): sum, runs with a value, and runs beyond the limit
     for row in study.rows(point, ["maps", "time"]):
         runs, end = runs + bool(row["maps"]), max(end, row["time"])
-        for one in row["maps"] or ():
-            name, values = one["quantity"], np.array(one["values"], np.float64)
+        for grid in row["maps"] or ():
+            name, values = grid["quantity"], np.array(grid["values"], np.float64)
             limit = LIMITS.get(name, math.inf)
             is_beyond = values < limit if name == MARGIN else values > limit
-            own = sums.setdefault((one["level"], name), np.zeros((3, len(values))))
+            own = sums.setdefault((grid["level"], name), np.zeros((3, len(values))))
             own += np.nan_to_num(values, posinf=math.inf), ~np.isnan(values), is_beyond
     if not runs or building is None:
         return {}
-    found = {}
+    by_level = {}
     for level in building.levels:
         cells = Cells(level, SPACING)
         nothing = np.zeros((3, math.prod(cells.shape)))
@@ -95,5 +95,5 @@ def maps_over_runs(study: "Study", point: int) -> Mapping[str, MapsOverRuns]:
             **{name: means[name] for name in QUANTITIES},
         )
         floor = np.where(np.isnan(maps.density), np.nan, 100.0 / runs)
-        found[level.name] = MapsOverRuns(maps, means[MARGIN], {name: floor * beyond[name] for name in LIMITS})
-    return found
+        by_level[level.name] = MapsOverRuns(maps, means[MARGIN], {name: floor * beyond[name] for name in LIMITS})
+    return by_level

@@ -129,14 +129,14 @@ def safety_of(study: "Study", point: int) -> dict[str, Any] | None:
     """
     settings = study.points[point].case.safety
     runs = [row["compartments"] for row in study.rows(point, ["compartments"], failed=True)]
-    first = next((one for one in runs if one), None)
+    first = next(filter(None, runs), None)
     if settings is None or first is None:
         return None
     return {
         "factor": settings.factor,
         "percentile": settings.percentile,
         "compartments": [
-            _compartment(study, point, [one[k] if one else None for one in runs], settings.percentile)
+            _compartment(study, point, [row[k] if row else None for row in runs], settings.percentile)
             for k in range(len(first))
         ],
     }
@@ -154,15 +154,15 @@ def _compartment(
     # People who have not left need infinitely long, and nobody needs no time; failed runs are in no statistic.
     none = [math.nan if row is None else math.inf if row["people"] else 0.0 for row in rows]
     times = [none[k] if row is None or row["required"] is None else row["required"] for k, row in enumerate(rows)]
-    found = estimate(percentile_name(percentile), np.array(times), study.populations(point), study.rule.confidence)
-    interval = f", interval {found.bounds('.1f')}" if found.bounds() else ""
+    required = estimate(percentile_name(percentile), np.array(times), study.populations(point), study.rule.confidence)
+    interval = f", interval {required.bounds('.1f')}" if required.bounds() else ""
     available = least("available")
     return {
         "name": own[0]["name"],
         "people": max(row["people"] for row in own),
-        "required": found.value if math.isfinite(found.value) else None,
-        "required_interval": [found.low, found.high],
-        "spread": f" ({percentile:g} % of {counted(found.runs, 'run')}{interval})",
+        "required": required.value if math.isfinite(required.value) else None,
+        "required_interval": [required.low, required.high],
+        "spread": f" ({percentile:g} % of {counted(required.runs, 'run')}{interval})",
         "available": available,
         "criterion": next((row["criterion"] for row in own if row["available"] == available), ""),
         "until": least("until") if available is None else None,
@@ -186,12 +186,12 @@ def statistics_table(study: "Study", point: int) -> list[tuple[str, str, str, st
     complete = counted(of.runs - of.blocked, "complete run") if of.blocked else everywhere
     rows = [
         ("minimum", time_text(of.least), "", everywhere),
-        *(one.row(everywhere) for one in of.percentiles),
+        *(percentile.row(everywhere) for percentile in of.percentiles),
         ("maximum", time_text(of.greatest), "", everywhere),
         of.mean.row(complete),
         ("standard deviation", time_text(of.standard_deviation), "", complete),
     ]
-    if study.rule.until is not None and study.rule.statistic not in [one[0] for one in rows]:
+    if study.rule.until is not None and study.rule.statistic not in [row[0] for row in rows]:
         rows.append(study.deciding(point).row(everywhere))
     if of.blocked:
         share = f"{100 * of.blocked_low:.1f} to {100 * of.blocked_high:.1f} %"

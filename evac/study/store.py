@@ -362,7 +362,7 @@ def read_buildings(folder: Path, points: int) -> list[Building | None]:
         return [None] * points
     data = read_json(path)
     try:
-        buildings = [building_from_json(one) for one in data["buildings"]]
+        buildings = [building_from_json(table) for table in data["buildings"]]
         of_points = [None if number is None else buildings[number] for number in data["of_point"]]
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise ResultError(f"{path}: not the buildings of a study: {in_one_line(error)}; make it again") from error

@@ -32,8 +32,9 @@ def test_a_percentile_among_endless_runs_is_endless():
     assert [percentile(times, of) for of in (0, 25, 50, 51, 75, 100)] == [1.0, 2.0, 3.0, math.inf, math.inf, math.inf]
 
 
-@pytest.mark.parametrize("of", [5.0, 50.0, 75.0, 90.0, 95.0, 99.0])
+@pytest.mark.parametrize("of", [5.0, 50.0, 95.0])
 def test_fewer_runs_than_least_runs_bound_no_percentile(of):
+    assert least_runs(95.0) == 72
     least, share = least_runs(of), max(0.01 * of, 1.0 - 0.01 * of)
     assert binom.pmf(least, least, share) <= 0.025 < binom.pmf(least - 1, least - 1, share)
     times = np.random.default_rng(2).lognormal(size=least)
@@ -41,11 +42,7 @@ def test_fewer_runs_than_least_runs_bound_no_percentile(of):
     assert not np.isfinite(percentile_interval(times[1:], of)).all()
 
 
-def test_the_95th_percentile_needs_72_runs():
-    assert least_runs(95.0) == 72
-
-
-@pytest.mark.parametrize(("runs", "of"), [(10, 50), (30, 25), (72, 95), (100, 95), (99, 5), (250, 95)])
+@pytest.mark.parametrize(("runs", "of"), [(10, 50), (30, 25), (72, 95), (99, 5)])
 @pytest.mark.parametrize("law", ["lognormal", "exponential"])
 def test_intervals_of_percentiles_cover_them(runs, of, law):
     rng = np.random.default_rng(3)
@@ -56,7 +53,7 @@ def test_intervals_of_percentiles_cover_them(runs, of, law):
     assert 0.925 <= np.mean((low <= true) & (true <= high)) <= 0.97
 
 
-@pytest.mark.parametrize("n", [2, 3, 5, 8, 20])
+@pytest.mark.parametrize("n", [2, 5, 8, 20])
 @pytest.mark.parametrize(("sigma", "least"), [(0.05, 0.92), (0.6, 0.90)])
 def test_the_interval_of_a_mean_covers_it(n, sigma, least):
     """Log-normal samples, more skewed than times of egress are for sigma = 0.6; 95 % is asked for."""
@@ -64,12 +61,6 @@ def test_the_interval_of_a_mean_covers_it(n, sigma, least):
     low, high = np.array([mean_interval(sample) for sample in samples]).T
     true = math.exp(0.5 * sigma**2)
     assert np.mean((low <= true) & (true <= high)) >= least
-
-
-def test_the_interval_depends_on_the_times_alone():
-    times = np.random.default_rng(5).lognormal(size=12)
-    assert mean_interval(times) == mean_interval(times.copy())
-    assert mean_interval(np.full(12, 3.0)) == (3.0, 3.0)
 
 
 def test_blocked_runs_count_as_endless_and_are_told():
@@ -125,7 +116,7 @@ def test_runs_of_the_same_people_are_no_sample_of_their_number():
     assert not estimate("percentile 95", times, populations).has_interval  # of fifty runs, but of ten populations
 
 
-@pytest.mark.parametrize(("groups", "of"), [(10, 50), (20, 50), (20, 90), (80, 95)])
+@pytest.mark.parametrize(("groups", "of"), [(20, 50), (20, 90), (80, 95)])
 @pytest.mark.parametrize("within", [0.05, 0.2])
 def test_intervals_of_percentiles_over_populations_cover_them(groups, of, within):
     """Bounds that exist must cover; five repetitions of each population, which differ more or less."""
@@ -140,7 +131,7 @@ def test_intervals_of_percentiles_over_populations_cover_them(groups, of, within
     assert np.isnan(high).all() == (groups < least_runs(of))
 
 
-@pytest.mark.parametrize("n", [2, 5, 6, 10, 30])
+@pytest.mark.parametrize("n", [2, 6, 30])
 def test_one_outlier_decides_the_mean_and_the_median_is_preferred(n):
     times = np.append(np.random.default_rng(8).normal(61.0, 0.6, n), 400.0)
     found = statistics(times)
@@ -155,7 +146,7 @@ def test_few_runs_that_decide_are_counted():
     assert "2 runs of 20" in estimate("mean", times).note
 
 
-@pytest.mark.parametrize("n", [3, 5, 7, 8, 10, 20])
+@pytest.mark.parametrize("n", [3, 7, 8, 20])
 def test_regular_samples_keep_the_interval_of_their_mean(n):
     samples = np.random.default_rng(10).normal(60.0, 3.0, (200, n))
     lost = [deciding(sample, mean_interval(sample)) for sample in samples]

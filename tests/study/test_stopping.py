@@ -1,9 +1,8 @@
-"""When studies stop, and that their intervals keep their coverage."""
+"""When studies stop; the certainty page of the evidence measures the coverage of their intervals."""
 
 import math
 
 import numpy as np
-import pytest
 
 from evac.study.stopping import GROWTH, Rule, rule_of
 
@@ -67,18 +66,3 @@ def test_numbers_of_runs_are_whole_populations():
     rule = Rule(7, 50, 0.001, repetitions=5)
     assert rule.first == 10
     assert rule.wanted(np.random.default_rng(3).lognormal(size=10), np.arange(10) // 5) % 5 == 0
-
-
-@pytest.mark.slow  # the certainty page of the evidence measures this on more studies
-@pytest.mark.parametrize(
-    ("statistic", "until", "true"), [("mean", 0.03, math.exp(0.0032)), ("percentile 50", 0.03, 1.0)]
-)
-def test_intervals_of_stopped_studies_cover(statistic, until, true):
-    rng, rule, covered = np.random.default_rng(4), rule_of(until=until, statistic=statistic), 0
-    for _ in range(200):
-        times, runs = rng.lognormal(0.0, 0.08, rule.most), rule.first
-        while (wanted := rule.wanted(times[:runs], ALONE)) > runs:
-            runs = wanted
-        found = rule.estimate(times[:runs], ALONE)
-        covered += found.low <= true <= found.high
-    assert 0.91 <= covered / 200 <= 0.99
