@@ -19,7 +19,7 @@ _spec.loader.exec_module(plugin_tables)
 
 
 #: Described names that are not at the top of the package: what users get from public functions.
-PARTS = {"Scene", "LevelField", "Level", "Portal", "Exit", "Door", "Area", "Place", "Population", "Crowd"}
+PARTS = {"Scene", "LevelField", "Level", "Portal", "Exit", "Door", "Area", "Place", "Population", "Crowd", "Page"}
 
 
 def fenced(text, kind):
