@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from evac.base.errors import ScenarioError
@@ -61,6 +62,14 @@ class Compartment:
 def _on(areas: Iterable[Area], level: int) -> shapely.Geometry:
     """Return the polygon of all areas on a level."""
     return shapely.union_all([shapely.Polygon(), *(area.polygon for area in areas if area.level == level)])
+
+
+def _parts_in(polygon: shapely.Geometry, boxes: NDArray[np.object_]) -> NDArray[np.object_]:
+    """Return the parts of boxes in a polygon, which cuts those alone that are not whole in it."""
+    shapely.prepare(polygon)
+    parts, cut = boxes.copy(), ~shapely.contains_properly(polygon, boxes)
+    parts[cut] = shapely.intersection(boxes[cut], polygon)
+    return parts
 
 
 def compartments_of(case: "Case", building: Building) -> list[Compartment]:
@@ -170,14 +179,9 @@ class Safety(Saved):
         for one in self.compartments:
             for name, quantities in CRITERIA.items():
                 if name in one.limits and not any(quantity in given for quantity in quantities):
-                    fds = (
-                        ' (FDS: LAYER HEIGHT of a device, as a file of source = "prescribed")'
-                        if name == "layer"
-                        else ""
-                    )
                     raise ScenarioError(
                         f"{self._case.source}: compartment {one.name!r}: no source of [[conditions]] provides "
-                        f"{' or '.join(quantities)} for the criterion {name}; add it to the data{fds}, or remove {name}"
+                        f"{' or '.join(quantities)} for the criterion {name}; add it to the data, or remove {name}"
                     )
 
     def _make_cells(self, building: Building) -> None:
@@ -196,7 +200,7 @@ class Safety(Saved):
             whole, grid = building.levels[level].polygon, self._field.cells[level]
             x, y = (values.ravel() - 0.5 * spacing for values in grid.centres())
             boxes = shapely.box(x, y, x + spacing, y + spacing)
-            pieces = shapely.intersection(boxes, whole)
+            pieces = _parts_in(whole, boxes)
             own = np.flatnonzero(shapely.area(pieces) > 0.0)
             inner = shapely.point_on_surface(pieces[own])
             places.append(np.column_stack([shapely.get_x(inner), shapely.get_y(inner)]))
@@ -204,7 +208,7 @@ class Safety(Saved):
             self._field.on(level).ravel()[own] = cells + np.arange(len(own))
             cells += len(own)
             for one, parts in zip(self.compartments, areas, strict=True):
-                parts.append(shapely.area(shapely.intersection(boxes[own], one.floor(level, whole))))
+                parts.append(shapely.area(_parts_in(one.floor(level, whole), boxes[own])))
         self._level, self._place = np.concatenate(level_of), np.concatenate(places)
         self._areas = np.array([np.concatenate(parts) for parts in areas])  # (compartments, cells) [m2]
         shapely.prepare([area.polygon for one in self.compartments for area in one.areas])

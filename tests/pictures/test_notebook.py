@@ -61,7 +61,7 @@ def test_people_are_a_data_frame_with_a_row_each(results):
 def test_the_motion_is_a_data_frame(results):
     trajectory = evac.read_trajectory(results.folder)
     frame = trajectory.frame
-    assert (frame.groupby("time").size().to_numpy() == [len(records) for records in trajectory.records]).all()
+    assert (frame.groupby("time").size().to_numpy() == [len(rows.person) for rows in trajectory.rows]).all()
     last = frame[frame.time == trajectory.time[-1]]
     np.testing.assert_array_equal(last[["x", "y"]], trajectory[-1]["position"])
 

@@ -145,7 +145,7 @@ def test_persons_have_the_smallest_type_that_holds_them(people, kind):
 def test_more_people_than_a_byte_counts_come_back(descent):
     trajectory = read_trajectory(descent(people=300, frames=2).path)
     assert trajectory[0]["person"].tolist() == list(range(300))
-    assert trajectory.records[0][:, 0].tolist() == list(range(300))
+    assert trajectory.rows[0].person.tolist() == list(range(300))
 
 
 def test_frames_are_on_disk_before_the_writer_is_closed(descent, tmp_path):
