@@ -73,11 +73,7 @@ def _outruns_reach(bodies, h):
 
 @inner
 def _project_euclidean(state, own, tolerance):
-    """Project unconverged velocities onto the constraints in the Euclidean norm.
-
-    This problem is independent of the ratio of masses, for which the original problem does not converge. Percussions
-    are not changed.
-    """
+    """Project unconverged velocities onto the constraints in the Euclidean norm."""
     bodies, contacts = state.bodies, state.contacts
     for i in range(bodies.inside):
         bodies.inverse_mass[i] = 1.0 / bodies.firmness[i]

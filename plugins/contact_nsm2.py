@@ -90,10 +90,7 @@ def _stick(bodies, contacts):
 
 @inner
 def _report_reaction(state, own, h):
-    """Report contact forces from a solve with K_N = 0 for the same contacts; return a status.
-
-    Percussions of opposed contacts increase with K_N, so they do not measure how much a body is squeezed.
-    """
+    """Report contact forces from a solve with K_N = 0 for the same contacts; return a status."""
     bodies, contacts = state.bodies, state.contacts
     for c in range(contacts.number):
         contacts.kept_percussion[c] = contacts.percussion[c]

@@ -1,4 +1,4 @@
-"""The progress of a run: a bar on a terminal, an updated line in a notebook, occasional lines elsewhere."""
+"""The progress of a run: a bar on a terminal, occasional lines elsewhere."""
 
 import sys
 import time
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 BAR_EVERY = 0.1
 LINE_EVERY = 10.0
 RUNS_EVERY = 2.0
-
-#: Wall time between two updates of the line in a notebook [s].
-NOTEBOOK_EVERY = 0.5
 
 
 class Display:
@@ -137,43 +134,11 @@ def displayed(progress: "Callable[[Progress], None] | bool | None") -> "Iterator
         yield progress
     elif progress is False:
         yield None
-    elif _is_notebook():
-        yield NotebookLine()
     elif progress is True or (hasattr(sys, "ps1") or sys.stderr.isatty()):
         with Display(has_lines=progress is True) as display:
             yield display
     else:
         yield None
-
-
-class NotebookLine:
-    """Shows the progress of a run in a notebook, as an updated line below the cell."""
-
-    def __init__(self) -> None:
-        from IPython.display import display
-
-        self._first: Progress | None = None
-        self._start = self._shown = time.perf_counter()
-        self._handle = display({"text/plain": "first tick"}, raw=True, display_id=True)
-
-    def __call__(self, state: "Progress") -> None:
-        """Show a tick unless the last update is recent; the last tick is always shown."""
-        now = time.perf_counter()
-        if self._first is None:
-            self._first, self._start = state, now
-        elif now - self._shown >= NOTEBOOK_EVERY or state.out == state.people:
-            self._shown = now
-            line = numbers_of(self._first, state, now - self._start)
-            self._handle.update({"text/plain": line}, raw=True)
-
-
-def _is_notebook() -> bool:
-    """Return whether this process is a Jupyter kernel, which can display output."""
-    if "IPython" not in sys.modules:
-        return False
-    from IPython import get_ipython
-
-    return type(get_ipython()).__name__ == "ZMQInteractiveShell"
 
 
 def numbers_of(first: "Progress", state: "Progress", wall: float) -> str:

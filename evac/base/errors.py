@@ -181,10 +181,7 @@ def in_one_line(error: BaseException) -> str:
 
 
 def place_of(source: Any, attribute: str = "") -> str:
-    """Return file and line of an exception, code, an object of a plugin class, or an attribute in the body of a class.
-
-    The place of an exception is its innermost frame outside of evac, or within evac if there is none.
-    """
+    """Return file and line of an exception, of code, of the class of an object, or of an attribute in its body."""
     file, line = (
         _place_of_error(source) if isinstance(source, BaseException) else _place_of_code(_code_of(source), attribute)
     )
@@ -225,11 +222,7 @@ def is_foreign(plugin: Any) -> bool:
 
 
 def fault(what: str, wrong: str, remedy: str, source: Any, attribute: str = "") -> PluginError:
-    """Return the error for a mistake in a plugin, with its file and line, and the advice to check the file.
-
-    The source is code, a module, an object of a plugin class, or file and line; the attribute is that of a class or
-    module.
-    """
+    """Return the error for a mistake in a plugin, with its file and line, and the advice to check the file."""
     file, line = source if isinstance(source, tuple) else _place_of_code(_code_of(source), attribute)
     what = what.replace(file, Path(file).name) if file else what  # the path follows
     error = PluginError(f"{what}: {wrong} ({file}, line {line}); {remedy}" if file else f"{what}: {wrong}; {remedy}")

@@ -139,10 +139,7 @@ _OWN: dict[type, Callable[[Any], Any]] = {str: str.__str__, int: int.__int__, fl
 
 
 def with_own_classes(value: Any) -> Any:
-    """Return a copy in which arrays are lists, and subclasses of Python's own types, as in scripts, are these types.
-
-    Values of other types stay as they are.
-    """
+    """Return a copy in which arrays are lists, and subclasses of Python's own types, as in scripts, are these types."""
     if type(value) in (str, bool, int, float):
         return value
     if isinstance(value, Mapping):

@@ -18,10 +18,7 @@ WIDTH = 58
 
 
 def case_text(case: Mapping[str, Any]) -> str:
-    """Return a case, as a summary has it, as the content of a case.toml.
-
-    JSON has no infinity: what is null in a summary was infinite.
-    """
+    """Return a case, as a summary has it, as the content of a case.toml."""
     return "\n".join(_table("", case)) + "\n"
 
 

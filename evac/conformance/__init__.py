@@ -51,13 +51,8 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
     for kind, check in ALONE:
         if issubclass(cls, kind):
             run_check(cls, check, cls(**values))
-    pace = physics.PLAIN
-    if issubclass(cls, ContactModel):
-        pace = run_check(cls, physics.check_pace, cls(**values))
-        for check in (physics.check_free_walk, physics.check_collision, physics.check_room, physics.check_crowd):
-            run_check(cls, check, cls(**values), pace)
-    if case is None and (issubclass(cls, Importer) or pace != physics.PLAIN):
-        return  # no shipped case has such files, or such soft or stiff contacts
+    if case is None and issubclass(cls, Importer):
+        return  # no shipped case has such files
     case = case or run_check(cls, check_registration, cls, values)
     for kind, check in IN_A_CASE:
         if issubclass(cls, kind):
@@ -319,6 +314,10 @@ def check_exports(exporter: Exporter, case: Case, ticks: int) -> None:
 #: Checks of a plugin by itself, and of one that a case uses for a number of ticks, by base class.
 ALONE: tuple[tuple[type, Callable[..., None]], ...] = (
     (PairContact, physics.check_pair_law),
+    (ContactModel, physics.check_free_walk),
+    (ContactModel, physics.check_collision),
+    (ContactModel, physics.check_room),
+    (ContactModel, physics.check_crowd),
     (Solver, physics.check_solver),
     (Force, physics.check_force),
     (SmokeLaw, check_speeds),

@@ -3,14 +3,14 @@
 import copy
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
-from evac.base.errors import EvacError, counted
-from evac.conformance.failures import CheckError, examining, require, require_close, scene
+from evac.base.errors import counted
+from evac.conformance.failures import examining, require, require_close, scene
 from evac.contract.registry import Registry
 from evac.physics.contact.model import ContactModel, SolvedContactModel, border_scene
 from evac.physics.contact.packing import packed_row
@@ -46,23 +46,6 @@ WORK = [name for name in Problem.kinds if name.startswith(("work", "image", "fac
 GIVEN = ("size", "bodies", "rigid", "body", "other", "data", "elastic", "scale", "inverse_root", "free")
 
 
-class Pace(NamedTuple):
-    """Motion slowed down `slow` times, in steps that are divided into `parts`, for contacts of any stiffness."""
-
-    slow: int = 1
-    parts: int = 1
-
-    @property
-    def step(self) -> float:
-        """Length of a step [s]."""
-        return STEP * self.slow / self.parts
-
-    def __str__(self) -> str:
-        return f"steps of {self.step:g} s" + (f", motion slowed down {self.slow} times" if self.slow > 1 else "")
-
-
-PLAIN = Pace()
-
 #: The registered plugins, and a contact model among them that solves contact problems.
 REGISTRY = Registry()
 SOLVED = next(model for model in REGISTRY.contact_models.values() if issubclass(model, SolvedContactModel))
@@ -70,7 +53,6 @@ SOLVED = next(model for model in REGISTRY.contact_models.values() if issubclass(
 
 def walk(
     model: ContactModel,
-    pace: Pace,
     crowd: Crowd,
     steps: int,
     walls: FloatArray = NOWHERE,
@@ -80,16 +62,15 @@ def walk(
     """Return copies of a crowd that walks ahead after each tick of plain steps, or of two steps, and the engine."""
     world = make_world(room(LEVEL, walls), one_direction(LEVEL, ahead))
     engine = CompiledEngine(world, len(crowd.level), [], solvers=REGISTRY.solvers)
-    slowed = {"velocity": crowd.velocity / pace.slow, "speed": crowd.speed / pace.slow, "tau": crowd.tau * pace.slow}
-    crowd = copy_of(crowd.replace(**slowed))
-    model.check_scene(border_scene(crowd, pace.step, True))
+    crowd = copy_of(crowd)
+    model.check_scene(border_scene(crowd, STEP, True))
     if saved is not None:
         engine.load(model)
         engine.restore(saved)
-    total, tick, crowds = *((steps * pace.parts, 10 * pace.parts) if steps else (2, 1)), []
+    total, tick, crowds = *((steps, 10) if steps else (2, 1)), []
     for first in range(0, total, tick):
-        engine.advance(model, crowd, first, tick, pace.step, True, True)
-        crowds.append(copy_of(crowd).replace(velocity=crowd.velocity * pace.slow))
+        engine.advance(model, crowd, first, tick, STEP, True, True)
+        crowds.append(copy_of(crowd))
     return crowds, engine
 
 
@@ -108,19 +89,7 @@ def check_pair_law(model: PairContact) -> None:
         require(np.array_equal(packed, before), "the law changes its parameters; only return the force")
 
 
-def check_pace(model: ContactModel) -> Pace:
-    """Return the pace at which `check_room` passes; the plain one if none does, whose checks then say why."""
-    for pace in [PLAIN, *(pace for k in (8, 64, 512) for pace in (Pace(k, k), Pace(1, k)))]:
-        try:
-            check_room(model, pace)
-            return pace
-        except CheckError as error:
-            if not isinstance(error.__cause__, EvacError | ArithmeticError | None):
-                raise
-    return PLAIN
-
-
-def check_room(model: ContactModel, pace: Pace) -> None:
+def check_room(model: ContactModel) -> None:
     """Check that people at one place, pressed or thrown against a wall stay in the room."""
     for title, people, steps in (
         # For two steps; later, stiff contacts throw them far.
@@ -128,51 +97,51 @@ def check_room(model: ContactModel, pace: Pace) -> None:
         (PRESSED, NINE_PEOPLE, 200),
         ("a person pushed towards a wall", make_crowd([[2.0, 0.0]], [[10.0, 0.0]], speed=2.0, tau=0.1), 50),
     ):
-        with scene(f"{title}, {pace}"):
-            for crowd in walk(model, pace, people, steps, WALLS)[0]:
+        with scene(f"{title}"):
+            for crowd in walk(model, people, steps, WALLS)[0]:
                 beyond = np.abs(crowd.position).max(axis=1) - ROOM
                 (x, y), far = crowd.position[beyond.argmax()], beyond.max()
                 wrong = f"a person passed through the wall, at ({x:.2f}, {y:.2f}), {far:.2g} m beyond it"
                 require(far <= 0.0, f"{wrong}; apply percussions at walls too, where contacts.other is -1")
 
 
-def check_free_walk(model: ContactModel, pace: Pace) -> None:
+def check_free_walk(model: ContactModel) -> None:
     """Check that a person without contacts moves by eq. 33, bitwise equal alone and with distant people."""
-    steps, speed, tau = 60 * pace.parts, 1.5, 0.5
-    exact = speed if model.overdamped else speed * (1.0 - (1.0 - pace.step / (pace.slow * tau)) ** steps)
+    steps, speed, tau = 60, 1.5, 0.5
+    exact = speed if model.overdamped else speed * (1.0 - (1.0 - STEP / tau) ** steps)
     both, places = [[0.0, 0.0], [0.0, 5.0]], []
     for title, people in (("a person without contacts", both[:1]), ("two people 5 m apart", both)):
-        with scene(f"{title}, {pace}"):
-            crowd = walk(model, pace, make_crowd(people, speed=speed, tau=tau), 60)[0][-1]
+        with scene(f"{title}"):
+            crowd = walk(model, make_crowd(people, speed=speed, tau=tau), 60)[0][-1]
             wrong = f"walks at {crowd.velocity[0, 0]:.9f} m/s after {steps} steps, not at {exact:.9f} m/s"
             require_close(crowd.velocity[0], [exact, 0.0], 1e-9, f"{wrong}; return the free velocity")
             places.append(crowd.position[0])
             require_close(places[0], places[-1], 0.0, "they differ by {:.3g} m; use only the given contacts")
 
 
-def check_collision(model: ContactModel, pace: Pace) -> None:
+def check_collision(model: ContactModel) -> None:
     """Check that two people who collide do not pass through each other, and conserve momentum and energy."""
     if model.overdamped:
         return
-    with scene(f"two people who collide, {pace}"):
+    with scene("two people who collide"):
         velocity, mass = np.array([[1.5, 0.0], [-1.0, 0.0]]), np.array([60.0, 100.0])
-        crowds, engine = walk(model, pace, make_crowd([[-0.3, 0.0], [0.3, 0.0]], velocity, mass=mass, tau=1e12), 40)
+        crowds, engine = walk(model, make_crowd([[-0.3, 0.0], [0.3, 0.0]], velocity, mass=mass, tau=1e12), 40)
         after, report = crowds[-1].velocity, engine.report()
         failure = "their total momentum changes by {:.3g} kg m/s; percussions on both must be opposite and equal"
-        require_close(mass @ after, mass @ velocity, 1e-6 * pace.slow, failure)
+        require_close(mass @ after, mass @ velocity, 1e-6, failure)
         is_changed = not np.allclose(after, velocity, atol=1e-3)
         require(is_changed, "they walk through each other; change the velocities of bodies with a negative gap")
-        gained = 0.5 * float(mass @ (after**2 - velocity**2).sum(axis=1)) / pace.slow**2
+        gained = 0.5 * float(mass @ (after**2 - velocity**2).sum(axis=1))
         stated = report["driving_work"] - report["contact_dissipation"] + report["contact_creation"]
         wrong = f"they gain {gained:.4g} J, but their percussions account for {stated:.4g} J"
         failure = f"{wrong}; contacts.percussion must contain the percussions that changed the velocities"
         require_close(stated, gained, 1e-6 * (abs(gained) + 1.0), failure)
 
 
-def check_crowd(model: ContactModel, pace: Pace) -> None:
+def check_crowd(model: ContactModel) -> None:
     """Check the overlaps of people pressed against a wall; coordinates and order do not matter, nor who remembers."""
-    with scene(f"{PRESSED}, {pace}"):
-        crowds, engine = walk(model, pace, NINE_PEOPLE, 120, WALLS)
+    with scene(f"{PRESSED}"):
+        crowds, engine = walk(model, NINE_PEOPLE, 120, WALLS)
         stated, seen = engine.report()["greatest_overlap"], max(crowd.overlap.max() for crowd in crowds)
         wrong = f"reports a largest overlap of {stated:.2g} m, but one of {seen:.2g} m occurred"
         require(stated >= seen, f"{wrong}; let the step loop of evac.physics.driver make the steps")
@@ -187,12 +156,12 @@ def check_crowd(model: ContactModel, pace: Pace) -> None:
     if model.memory:
         # From the snapshot on, bodies are in another order.
         later = NINE_PEOPLE.replace(position=_turned(half.position), velocity=_turned(half.velocity))
-        given = _turned(WALLS), NORTH, walk(model, pace, NINE_PEOPLE, 60, WALLS)[1].state()
+        given = _turned(WALLS), NORTH, walk(model, NINE_PEOPLE, 60, WALLS)[1].state()
         scenes.append(("rotated in the middle", later, given, _turned(whole.position), memory))
     for what, people, given, expected, remedy in scenes:
-        with scene(f"{PRESSED}, {what}, {pace}"):
+        with scene(f"{PRESSED}, {what}"):
             # Solvers may make other numbers of iterations.
-            place = walk(model, pace, people, 60, *given)[0][-1].position
+            place = walk(model, people, 60, *given)[0][-1].position
             require_close(place, expected, 1e-4, f"the motion differs by {{:.3g}} m; {remedy}")
 
 
@@ -224,7 +193,7 @@ def check_solver(solver: Solver) -> None:
 def _problem(spring: float = 0.0, work: float = 0.0) -> Problem:
     """Return the problem of a step, without percussions, with an elastic term and a number in all work arrays."""
     places = [(2.3, -0.41), *((2.3 - 0.4 * k, 0.02 * (k % 2)) for k in range(12))]  # the first one stands beside
-    _, engine = walk(SOLVED(), PLAIN, make_crowd(places, speed=1.5, mass=np.linspace(60, 100, 13)), 10, WALLS)
+    _, engine = walk(SOLVED(), make_crowd(places, speed=1.5, mass=np.linspace(60, 100, 13)), 10, WALLS)
     problem: Problem = copy.deepcopy(engine.data.problem)
     problem.percussion[:], problem.velocity[:], problem.rigid = 0.0, problem.free, int(spring == 0.0)
     for array in (getattr(problem, name) for name in WORK):

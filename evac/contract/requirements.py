@@ -27,10 +27,7 @@ RESERVED = {("contact_model", "model")}
 
 
 def check_module(manager: pluggy.PluginManager, module: ModuleType, plugin: str) -> None:
-    """Check that a module has plugin classes or valid hooks, and was written for this version of the interface.
-
-    `plugin` is the name of the plugin for the message, as in all functions of this module.
-    """
+    """Check that a module has plugin classes or valid hooks, and was written for this version of the interface."""
     what = f"plugin {plugin}"
     marked = {name: mark for name in vars(module) if (mark := manager.parse_hookimpl_opts(module, name)) is not None}
     unmarked = [name for name in HOOKS if name not in marked and hasattr(module, name)]
@@ -75,10 +72,7 @@ def check_interface(module: ModuleType, plugin: str) -> None:
 
 
 def classes_in(module: ModuleType) -> list[type[Any]]:
-    """Return the plugin classes that a module or package defines, in order.
-
-    A class without a name of its own is regarded as a base of the others if one of them derives from it.
-    """
+    """Return the plugin classes that a module or package defines, in order."""
     classes = {
         item: None
         for item in vars(module).values()

@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from evac.base.errors import PluginError, fault, text_of
-from evac.jit.structs import Array, Kind, Struct, check_array, describe, kind_of
+from evac.jit.structs import Array, Kind, check_array, describe, kind_of
 
 #: Whether kernels run as Python functions, for debugging.
 INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
@@ -249,13 +249,6 @@ def entries_of(module: ModuleType) -> list[Entry]:
     holders = [module, *(value for value in vars(module).values() if isinstance(value, type))]
     entries = [value for holder in holders for value in vars(holder).values() if isinstance(value, Entry)]
     return [entry for entry in dict.fromkeys(entries) if entry.__module__ == module.__name__]
-
-
-def structs_of(kind: Kind) -> set[type[Struct]]:
-    """Return the structs that a kind of value is or contains."""
-    if isinstance(kind, Array | str):
-        return set()
-    return {kind}.union(*(structs_of(inner_kind) for inner_kind in kind.kinds.values()))
 
 
 def _described(kinds: Sequence[Kind], returned: Sequence[str]) -> str:

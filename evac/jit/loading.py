@@ -205,10 +205,7 @@ def compile_tasks(
 
 
 def divide(tasks: Sequence[Compilation], most: int) -> list[list[Compilation]]:
-    """Divide kernels among processes to minimise the total time; the last process is this one.
-
-    Shared functions are lowered once in each process.
-    """
+    """Divide kernels among processes to minimise the total time; the last process is this one."""
     sizes = {task: {k: len(k.function.__code__.co_code) for k in kernels_in(task.entry)} for task in tasks}
     ordered = sorted(tasks, key=lambda task: sum(sizes[task].values()), reverse=True)
     best: list[list[Compilation]] = [ordered]

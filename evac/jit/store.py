@@ -145,10 +145,7 @@ class Store:
 
 
 def exposure(path: Path) -> str:
-    """Return why other users, except root, could have written a folder or file; empty if they could not.
-
-    Systems without owners and modes, such as Windows, protect the folder by its location in the user's profile.
-    """
+    """Return why other users, except root, could have written a folder or file; empty if they could not."""
     if not hasattr(os, "geteuid"):
         return ""
     status = path.stat()

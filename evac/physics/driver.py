@@ -218,10 +218,7 @@ def _is_too_fast(bodies, h, limit):
 
 @inner
 def _tally_contacts(state):
-    """Count contacts and overlaps at the start of the sub-step, and record the deepest overlap with its place.
-
-    Of two people the one with the greater row is recorded, so that the record does not depend on the order of bodies.
-    """
+    """Count contacts and overlaps at the start of the sub-step, and record the deepest overlap with its place."""
     bodies, contacts, tally = state.bodies, state.contacts, state.tally
     deepest, overlaps, total = 0.0, 0, tally[at.OVERLAP_SUM]
     for c in range(contacts.number):

@@ -142,11 +142,7 @@ def move(state, time, h, old_share, is_walk):
 
 @inner
 def add_contact_work(bodies, contacts, tally):
-    """Add the kinetic energy lost and gained in contacts [J] to the tally.
-
-    It is P (w+ + w-)/2 per contact along the normal and likewise along the tangent. With the driving work of `move`,
-    the sum is the change of kinetic energy, up to rounding.
-    """
+    """Add the kinetic energy lost and gained in contacts [J] to the tally."""
     dissipated, created = tally[at.CONTACT_DISSIPATION], tally[at.CONTACT_CREATION]
     for c in range(contacts.number):
         before_and_after = contacts.velocity_before[c] + normal_velocity(bodies.solved, contacts, c)

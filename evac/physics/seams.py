@@ -38,10 +38,7 @@ def crossing(segment, s, ax, ay, bx, by, slack):
 
 @inner
 def way_out(world, level, ax, ay, bx, by, slack):
-    """Return the fraction of a-b at which the first open exit of a level is passed outwards, or -1 if there is none.
-
-    With `slack` > 0 [m], an end on the line of an exit counts as beyond it.
-    """
+    """Return the fraction of a-b at which the first open exit of a level is passed outwards, or -1 if there is none."""
     first = -1.0
     for s in range(world.link_start[level], world.link_start[level + 1]):
         if world.link_to[s] >= 0 or not world.link_open[world.link_id[s]]:

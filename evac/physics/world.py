@@ -115,10 +115,7 @@ def walls_behind_exits(building: Building) -> Bytes:
 
 
 def _buckets(walls: FloatArray, level: IntArray, levels: int) -> dict[str, Any]:
-    """Return the walls of each level in square buckets of the plan: those within `BUCKET_REACH` of each.
-
-    A level has the buckets of the rectangle that its walls are near, and a last one with all of them.
-    """
+    """Return the walls of each level in square buckets of the plan: those within `BUCKET_REACH` of each."""
     ends = walls.reshape(-1, 2) if len(walls) else np.zeros((1, 2))
     low, high = ends.min(axis=0) - BUCKET_REACH, ends.max(axis=0) + BUCKET_REACH
     size = max(BUCKET_SIZE, math.sqrt(np.prod(high - low) / 1e6))

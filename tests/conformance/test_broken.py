@@ -19,7 +19,7 @@ from tests.conformance import (
 )
 from tests.conformance.broken_behaviours import Slower
 from tests.conformance.broken_cases import Counting
-from tests.conformance.broken_contact_models import Bounce, Linear, Tunes
+from tests.conformance.broken_contact_models import Linear, Tunes
 from tests.conformance.broken_solvers import solver, sound
 
 #: Plugin, check, what was examined, what is wrong, and the remedy, without file and line.
@@ -66,19 +66,12 @@ def test_every_check_is_failed_by_a_broken_plugin():
     assert checks - imported == {broken.values[0].check for broken in BROKEN}
 
 
-@pytest.mark.parametrize("stiffness", [3e3, 1e8])
-def test_a_good_model_conforms_whatever_its_stiffness(stiffness):
-    check_plugin(Bounce, stiffness=stiffness)
-
-
-@pytest.mark.parametrize("stiffness", [1.0, 1e9])
-def test_a_good_law_conforms_whatever_its_stiffness(stiffness):
-    check_plugin(Linear, stiffness=stiffness)
-    check_plugin(Registry().contact_models["dem"], stiffness=max(stiffness, 1e3))
+def test_a_good_law_conforms():
+    check_plugin(Linear)
 
 
 def test_a_model_may_scale_with_mass():
-    check_plugin(Tunes)
+    check_plugin(Tunes, frequency=30.0)
 
 
 def test_a_sound_solver_passes():

@@ -19,10 +19,7 @@ IMPLIED = 1e-9
 
 @inner
 def set_reach(bodies, h, share):
-    """Set the search distance of the bodies for contacts, at least ``bodies.reach_floor``.
-
-    It is `share` of the free path in the step or of the last path, whichever is longer, since pushes usually persist.
-    """
+    """Set the search distance of the bodies for contacts, at least ``bodies.reach_floor``."""
     floor = bodies.reach_floor
     for i in range(bodies.inside):
         if share == 0.0:
@@ -183,10 +180,7 @@ def _pick_near(bodies, lists, near, i):
 
 @inlined
 def _append(state, c, slot, i, other, key, nx, ny, gap, omega):
-    """Set contact c and its warm start percussion; return the slot from which the next one is looked for.
-
-    Contacts and kept percussions are both sorted by body and key.
-    """
+    """Set contact c and its warm start percussion; return the slot from which the next one is looked for."""
     contacts, before = state.contacts, state.warm_start
     contacts.body[c] = i
     contacts.other[c] = other

@@ -31,10 +31,7 @@ def packed_row(plugin: Any, what: str) -> FloatArray:
 
 
 def check_indices(entry: Entry, length: int, what: str, argument: int = -1, source: str = "packed() returns") -> None:
-    """Check that a function reads only numbers of an array, by default parameters, that exist: kernels do not check it.
-
-    Only indices that are written as numbers are checked, in the function itself.
-    """
+    """Check the indices written as numbers in a function, by default those of its parameters; kernels do not check."""
     code = entry.function.__code__
     name = code.co_varnames[code.co_argcount + argument]
     for index, line in _indices(entry, name):

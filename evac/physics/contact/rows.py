@@ -136,10 +136,7 @@ def row_residual(rows):
 
 @inner
 def evaluate(rows, change, likely, tolerance):
-    """Evaluate the residual after a sweep with the largest change `change`; return its estimated share of the change.
-
-    If the estimate exceeds the tolerance, the residual is not evaluated and `likely` is returned.
-    """
+    """Evaluate the residual after a sweep unless its estimate is too large; return its likely share of the change."""
     if likely * change > tolerance:
         return likely
     rows.residual = row_residual(rows)
