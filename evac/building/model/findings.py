@@ -68,11 +68,6 @@ class Finding:
         What removes it, as far as it is known: keys of the item with their values as in a plan file, one on a
         line, such as ``turn = "right"``; ``remove KEY``; or ``remove it``.
 
-    Raises
-    ------
-    ValueError
-        The kind is unknown, or the place is neither (x, y) nor (x, y, z).
-
     Examples
     --------
     >>> print(Finding("repaired", "a gap of 3 mm closed", "ground", (1.0, 2.0)))
@@ -91,8 +86,6 @@ class Finding:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ValueError(f"the kind of a finding must be one of {', '.join(KINDS)}, not {self.kind!r}")
-        if self.place is not None and len(self.place) not in (2, 3):
-            raise ValueError(f"the place of a finding must be (x, y) or (x, y, z), not {self.place!r}")
 
     @property
     def storey(self) -> str | None:

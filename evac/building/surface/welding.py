@@ -91,11 +91,7 @@ def split_at_vertices(
         triangles, owner = np.array(pieces, dtype=np.int64), owner[cut_from]
         is_wide = least_height(vertices[triangles]) > (distance if turn < PATIENCE else 0.0)
         if not is_wide.any():
-            x, y, z = vertices[triangles[0, 0]]
-            raise BuildingError(
-                f"{source}: no cell is wider than building.weld ({distance:g} m), for example at ({x:z.2f}, {y:z.2f}, "
-                f"{z:z.2f}): the surface must be drawn in metres; set building.scale, or decrease building.weld"
-            )
+            break
         triangles, owner = triangles[is_wide], owner[is_wide]
         edges = {
             name: np.array([part for a, b in pairs.tolist() for part in _parts(a, b, hanging)], dtype=np.int64)
@@ -104,7 +100,8 @@ def split_at_vertices(
     x, y, z = vertices[min(min(on) for on in hanging.values())]
     raise BuildingError(
         f"{source}: splitting cells at vertices on their sides does not end around ({x:z.2f}, {y:z.2f}, {z:z.2f}): "
-        f"several vertices are nearly within building.weld ({distance:g} m) of one side; repair the mesh there"
+        f"several vertices are nearly within building.weld ({distance:g} m) of one side; repair the mesh there, set "
+        "building.scale, or decrease building.weld"
     )
 
 
