@@ -48,7 +48,7 @@ class Kernels:
         if against is not None and (against >= 0).any():
             other = np.zeros(len(density))
             deposit(self._packed, self.first, position, against, self._width, other)
-            present = np.maximum(present - other, 0.0)
+            np.maximum(np.subtract(present, other, out=present), 0.0, out=present)
         occupied = set(np.unique(level[level >= 0]).tolist())
         crowded = set()
         for grid, behind in zip(self.grids.levels, self._behind_portals, strict=True):

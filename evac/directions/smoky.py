@@ -39,12 +39,11 @@ class Smoky(Saved):
         self.share, self._local = np.ones(grids.size), local
         self._followers = {} if quickest is None else quickest.columns
         self._columns: dict[int, RouteField] = {}
-        routes = len(fields.routes)
+        routes, packed, gates = len(fields.routes), self.fields.packed, Gates(grids)
         for number in range(len(fields.grids) * routes):
             if number not in self._followers:
                 lower = self._columns.get(number - routes)
-                packed = self.fields.packed
-                column = RouteField(clear, packed.travel_time, packed.direction, number, Gates(grids), 0.0, lower)
+                column = RouteField(clear, packed.travel_time, packed.direction, number, gates, 0.0, lower)
                 self._columns[number] = column
 
     def solve(self, levels: Set[int], share: FloatArray) -> int:
