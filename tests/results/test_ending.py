@@ -46,11 +46,6 @@ def test_nobody_moves_for_too_long():
     assert first_end(Ending(SETTINGS, 2, 1), two(), Ways(), first=100) == (600, NO_PROGRESS)
 
 
-def test_infinite_patience():
-    settings = SETTINGS.model_copy(update={"no_progress": float("inf")})
-    assert first_end(Ending(settings, 2, 1), two(), Ways()) is None
-
-
 @pytest.mark.parametrize(("change", "end"), [(0.2, 600), (0.3, 800)])
 def test_a_quarter_of_a_second_of_the_way_is_progress(change, end):
     ending, ways = Ending(SETTINGS, 2, 1), Ways()
@@ -111,16 +106,6 @@ def test_creep_is_no_progress_but_a_slow_queue_is(share, ends):
     assert found == ((2000, NO_PROGRESS) if ends else None)
 
 
-def test_many_who_creep_in_turn_make_no_progress():
-    """Each person gains 0.25 s in 50 s: somebody is due at every second."""
-    crowd, ways = make_crowd(np.zeros((100, 2))), Ways(np.full(100, 500.0))
-
-    def creep(time):
-        ways.remaining = 500.0 - 0.005 * (time + np.linspace(0.0, 50.0, 100))
-
-    assert first_end(Ending(SETTINGS, 100, 1), crowd, ways, change=creep) == (500, NO_PROGRESS)
-
-
 def test_who_alternates_between_routes_for_ever_makes_no_progress():
     """Towards one exit for 2 s, then back towards the other: each route counts once, the last at 3 s."""
     crowd, ways = two(), Ways(np.array([[9.0, 9.0], [9.0, 9.0]]))
@@ -155,7 +140,7 @@ def test_people_are_measured_from_where_they_set_off():
     assert first_end(Ending(SETTINGS, 2, 1), crowd, ways, change=go) == (2800, NO_PROGRESS)
 
 
-@pytest.mark.parametrize("no_progress", [0.05, 0.5, 5.0])
+@pytest.mark.parametrize("no_progress", [0.05, 5.0])
 def test_who_walks_slowly_makes_progress_however_short_the_patience(no_progress):
     """At 0.3 of the reference speed."""
     ways = Ways(np.array([90.0, 80.0]))
