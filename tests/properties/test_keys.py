@@ -37,11 +37,6 @@ VALUES = [*NUMBERS, *WORDS, *LISTS, *DEEP, *DISTRIBUTIONS]
 #: What once went wrong: key, value and contact model.
 KEPT = (
     ("people.put.name", "[]", "nsm2"),
-    ("people.put.name", "[[0, 0], [0, 0]]", "nsm2"),
-    ("directions.clearance", "1e12", "nsm2"),
-    ("directions.clearance", "100", "nsm2"),
-    ("directions.spacing", "5e-324", "nsm2"),
-    ("simulation.step", "5e-324", "nsm2"),
     ("people.drawn.number", "1000000", "nsm2"),
     ("people.drawn.mass", "1" + "0" * 400, "nsm2"),
     ("contact.dem.stiffness", "1" + "0" * 400, "dem"),
