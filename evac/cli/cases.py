@@ -172,7 +172,11 @@ def _show(made: "Imported") -> None:
         rows = [opening_row(made, k) for k in range(shown)]
         show_table(f"Openings{more}", ("number", "level", "width [m]", "from", "to", "z [m]"), rows)
     # Of many alike, only the numbers are shown above.
-    told = [one for one in made.findings if one.kind == "warning" or (one.kind == "left out" and one.number == 1)]
+    told = [
+        finding
+        for finding in made.findings
+        if finding.kind == "warning" or (finding.kind == "left out" and finding.number == 1)
+    ]
     show_warnings([f"{own[0]}{and_more(own)}" for own in grouped(told)])
     if not made.is_accepted:
         plan = made.folder / PLAN

@@ -116,7 +116,7 @@ def _check_case(arguments: argparse.Namespace, path: Path) -> int:
             show_available(simulation)
             show_course(case)
             show_findings(told)
-            show_warnings(simulation.warnings()[sum(one.kind == "warning" for one in told) :])
+            show_warnings(simulation.warnings()[sum(finding.kind == "warning" for finding in told) :])
         _draw(arguments.picture, simulation.building, told, case.title)
     return print_findings(path, told) if arguments.json else 0
 
@@ -130,8 +130,8 @@ def _telling(arguments: argparse.Namespace, title: str) -> "Iterator[list[Findin
     try:
         yield told
     except EvacError as error:
-        found, building = (error.findings, error.building) if isinstance(error, BuildingError) else ((), None)
-        told[:] = found or [Finding("error", line) for line in str(error).splitlines()]
+        findings, building = (error.findings, error.building) if isinstance(error, BuildingError) else ((), None)
+        told[:] = findings or [Finding("error", line) for line in str(error).splitlines()]
         if building is not None:
             told += building.findings
             _draw(arguments.picture, building, told, title)
@@ -156,7 +156,7 @@ def print_findings(path: Path, findings: "Sequence[Finding]") -> int:
     """Print findings as JSON, repeats together, with the numbers that they have in pictures; return 2 for errors."""
     from evac.building.model.findings import numbered_rows
 
-    errors, rows = sum(one.kind == "error" for one in findings), numbered_rows(findings)
+    errors, rows = sum(finding.kind == "error" for finding in findings), numbered_rows(findings)
     print(json.dumps({"file": str(path), "errors": errors, "findings": rows}, indent=1, ensure_ascii=False))
     return 2 if errors else 0
 
@@ -309,7 +309,7 @@ def show_building(building: "Building", is_verbose: bool) -> None:
 
     title = "Levels" if is_verbose else "Levels (without the flights and landings of stairs)"
     columns = ("level", "kind", "z [m]", "plan [m2]", "slope [deg]", "walked as", "walls")
-    show_table(title, columns, [row_of(one) for one in building.levels if is_verbose or one.stair is None])
+    show_table(title, columns, [row_of(level) for level in building.levels if is_verbose or level.stair is None])
     names = [level.title for level in building.levels]
 
     def state(link: "Portal | Exit") -> str:
@@ -347,8 +347,8 @@ def show_available(simulation: "Simulation") -> None:
     safety = simulation.safety
     if safety is not None:
         rows = [
-            (one.name, f"at least {safety.until:g}" if math.isinf(time) else round(time, 1), BY.get(why))
-            for one, (time, why) in zip(safety.compartments, safety.available, strict=True)
+            (compartment.name, f"at least {safety.until:g}" if math.isinf(time) else round(time, 1), BY.get(why))
+            for compartment, (time, why) in zip(safety.compartments, safety.available, strict=True)
         ]
         show_table("Compartments", ("compartment", "available [s]", "criterion"), rows)
 

@@ -212,14 +212,9 @@ def _shipped() -> str:
     if not kernels:
         return "none"
     about = json.loads((SHIPPED.folder / "about.json").read_text(encoding="utf-8"))
-    text = f"{kernels} for {about['processor']}"
-    if about["triple"] != generic().triple:
-        return f"{text}, not used: they are for {about['triple']}"
-    if about["versions"] != versions():
-        return f"{text}, not used: they were compiled by {about['versions'].rpartition(',')[0]}"
-    if missing_features():
-        return f"{text}, not used: this processor has no {', '.join(missing_features())}"
-    return f"{text}, used"
+    fits = (about["triple"], about["versions"]) == (generic().triple, versions()) and not missing_features()
+    compiled_by = about["versions"].rpartition(",")[0]
+    return f"{kernels} for {about['processor']} by {compiled_by}, {'used' if fits else 'not used'}"
 
 
 def all_entries() -> "list[Entry]":

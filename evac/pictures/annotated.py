@@ -206,7 +206,7 @@ def _by_place(
 ) -> list[list[tuple[int, Finding]]]:
     """Return the findings at each place of a storey, with their numbers."""
     by_place: dict[tuple[float, float], list[tuple[int, Finding]]] = {}
-    for number, finding in ((number, one) for number, group in groups[:MOST_LISTED] for one in group):
+    for number, finding in ((number, finding) for number, group in groups[:MOST_LISTED] for finding in group):
         if finding.place is not None and panel_of(building, panels, finding) == panel:
             x, y = finding.place[:2]
             by_place.setdefault((round(x, 1), round(y, 1)), []).append((number, finding))

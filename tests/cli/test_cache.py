@@ -72,15 +72,15 @@ def test_kernels_are_compiled_beforehand_and_cleared(capsys, folder, plugin):
 
 
 @pytest.mark.parametrize(
-    ("about", "lacking", "words"),
+    ("about", "lacking", "state"),
     [
         ({}, (), "used"),
-        ({"triple": "riscv64-unknown-linux-gnu"}, (), "not used: they are for riscv64"),
-        ({"versions": "python 3.9, numba 0.1, llvmlite 0.1, 0"}, (), "not used: they were compiled by python 3.9"),
-        ({}, ("avx2",), "not used: this processor has no avx2"),
+        ({"triple": "riscv64-unknown-linux-gnu"}, (), "not used"),
+        ({"versions": "python 3.9, numba 0.1, llvmlite 0.1, 0"}, (), "not used"),
+        ({}, ("avx2",), "not used"),
     ],
 )
-def test_it_is_shown_whether_kernels_of_the_wheel_are_used(capsys, monkeypatch, tmp_path, about, lacking, words):
+def test_it_is_shown_whether_kernels_of_the_wheel_are_used(capsys, monkeypatch, tmp_path, about, lacking, state):
     shipped = Store(tmp_path / "shipped", is_shipped=True)
     shipped.write("evac.some.kernel", "0" * 20, b"code")
     facts = {"processor": "x86-64-v3", "triple": generic().triple, "versions": versions()} | about
@@ -88,7 +88,9 @@ def test_it_is_shown_whether_kernels_of_the_wheel_are_used(capsys, monkeypatch, 
     monkeypatch.setattr(loading, "SHIPPED", shipped)
     monkeypatch.setattr("evac.jit.loading.missing_features", lambda: lacking)
     assert main(["cache"]) == 0
-    assert f"1 for x86-64-v3, {words}" in _facts(capsys.readouterr().out)["kernels in the wheel"]
+    told = _facts(capsys.readouterr().out)["kernels in the wheel"]
+    assert told.startswith("1 for x86-64-v3")
+    assert told.endswith(f", {state}")
 
 
 def test_a_run_whose_kernels_are_on_disk_does_not_import_numba(tmp_path, monkeypatch):

@@ -13,17 +13,6 @@ def test_list_names_every_case_that_is_registered(evac, capsys):
     assert "Twenty people leave a square room" in rows["square_room"]
 
 
-def test_list_shows_cases_of_a_plugin_file(evac, tmp_path, capsys):
-    (tmp_path / "hall").mkdir()
-    (tmp_path / "hall" / "case.toml").write_text('title = "A hall [red]"\n')
-    (tmp_path / "halls.py").write_text(
-        "from pathlib import Path\nfrom evac import hookimpl\nevac_interface = 3\n\n\n"
-        "@hookimpl\ndef evac_building_cases():\n    return [Path(__file__).parent / 'hall']\n"
-    )
-    assert evac("list", "--plugin", "halls.py") == 0
-    assert "A hall [red]" in capsys.readouterr().out
-
-
 def test_plugins_shows_everything_with_unit_and_default(evac, capsys):
     assert evac("plugins") == 0
     short = capsys.readouterr().out.splitlines()

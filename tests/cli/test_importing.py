@@ -69,11 +69,10 @@ def two_plans(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("plan", "floors"), [("1", "1, 24.0 m2"), ("2", "1, 36.0 m2"), ("2,1", "2, 60.0 m2"), (None, "2, 60.0 m2")]
+    ("words", "floors"),
+    [(["--plan", "2"], "1, 36.0 m2"), (["--option", "plan=2,1"], "2, 60.0 m2"), ([], "2, 60.0 m2")],
 )
-@pytest.mark.parametrize("option", ["--plan", "--option"])
-def test_plans_of_a_drawing_are_chosen(evac, two_plans, option, plan, floors, capsys):
-    words = [] if plan is None else [option, plan if option == "--plan" else f"plan={plan}"]
+def test_plans_of_a_drawing_are_chosen(evac, two_plans, words, floors, capsys):
     assert evac("import", "plans.dxf", "--out", "case", "--exit", "1", "--partial", *words) == 0
     assert floors in capsys.readouterr().out
 

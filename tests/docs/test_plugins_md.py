@@ -80,20 +80,6 @@ def test_a_numpy_contact_model_equals_the_compiled_one(plugin_files):
     assert np.abs(unlike - compiled).max() > 1e-3
 
 
-def test_a_numpy_contact_model_gives_the_same_report(plugin_files):
-    case = evac.load(
-        "square_room",
-        {"contact.model": "dem", "simulation.duration": 2.0},
-        plugin_files=[plugin_files["dem_numpy.py"]],
-    )
-    compiled = evac.run(case).report
-    plain = evac.run(case.change({"contact.model": "dem_numpy"})).report
-    assert compiled["contacts"] > 0
-    for key in ("steps", "sub_steps", "contacts", "greatest_overlap", "mean_overlap"):
-        assert plain[key] == pytest.approx(compiled[key], rel=1e-9), key
-    assert plain["energy"] == pytest.approx(compiled["energy"], rel=1e-9, abs=1e-9)
-
-
 def test_a_compiled_law_in_a_file_is_the_spring_of_dem(plugin_files):
     plain = positions(evac.load("square_room", {"contact.model": "dem"}), 20)
     case = evac.load("square_room", {"contact.model": "spring_damper"}, plugin_files=[plugin_files["spring_damper.py"]])
@@ -298,24 +284,3 @@ def test_the_guard_counts_refuses_and_writes(plugin_files, tmp_path):
     assert (np.diff(table[:, 1]) <= 0).all()
     with pytest.raises(evac.ScenarioError, match="nobody is in at night"):
         evac.Simulation(case.change({"title": "a room by night"}))
-
-
-def test_a_plugin_is_named_on_the_command_line(plugin_files, tmp_path):
-    done = subprocess.run(
-        [
-            *(sys.executable, "-m", "evac", "run", "square_room", "--out", str(tmp_path / "result")),
-            *(
-                "--plugin",
-                str(plugin_files["dem_numpy.py"]),
-                "--set",
-                "contact.model=dem_numpy",
-                "output.animation=false",
-            ),
-        ],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert '"model": "dem_numpy"' in (tmp_path / "result" / "summary.json").read_text(encoding="utf-8")

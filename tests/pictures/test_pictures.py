@@ -30,9 +30,7 @@ def test_each_group_has_its_own_curve(results):
     }
 
 
-@pytest.mark.parametrize("people", [5, 136, 99_999])
-@pytest.mark.parametrize("words", [1, 12, 60])
-@pytest.mark.parametrize("groups", [1, 2, 12])
+@pytest.mark.parametrize(("people", "words", "groups"), [(5, 1, 1), (136, 12, 2), (5, 60, 12), (99_999, 60, 12)])
 def test_all_that_is_written_has_room(results, people, words, groups):
     rows = np.array([0, 1])
     many = replace(
