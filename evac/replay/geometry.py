@@ -39,6 +39,9 @@ def building_for_page(building: Building, origin: FloatArray) -> tuple[dict[str,
         for level, cells in zip(building.levels, grids, strict=True)
     ]
     shaft_of = {stair: shaft for shaft, stairs in building.shafts.items() for stair in stairs}
+    ends = np.array([door.segment for door in building.doors]).reshape(-1, 2)
+    on = np.array([door.level for door in building.doors], np.int32).repeat(2)
+    doors = _grains(on_level(building, on, ends), origin)  # of all at once, since there may be thousands
     page = {
         "cell": spacing,
         "vertices": _grains(building.vertices, origin).ravel().tolist(),
@@ -59,8 +62,8 @@ def building_for_page(building: Building, origin: FloatArray) -> tuple[dict[str,
             for exit_ in building.exits
         ],
         "doors": [
-            {"level": door.level, "segments": _segments(building, door.segment.reshape(1, 4), door.level, origin)}
-            for door in building.doors
+            {"level": door.level, "segments": segments}
+            for door, segments in zip(building.doors, doors.reshape(-1, 6).tolist(), strict=True)
         ],
         "places": [_place(building, place, origin) for place in building.places],
         "stairs": [

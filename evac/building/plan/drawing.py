@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.errors import BuildingError, counted
+from evac.base.phases import told
 from evac.building.geometry import (
     GRID,
     LEAST_AREA,
@@ -176,7 +177,7 @@ class Drawing:
         near = {row: one for name, rows in by_storey.items() for row, one in self._near_doors(name, rows).items()}
         opened: dict[int, list[BaseGeometry]] = {}  # ground of doors between rooms, which further doors may meet
         outer: dict[str, list[BaseGeometry]] = {}
-        for row, door in enumerate(self.plan.doors):
+        for row, door in enumerate(told("opening doors", self.plan.doors, len(self.plan.doors))):
             around, rooms, earlier = near[row]
             ground = [part for other in earlier for part in opened[other] if part.intersects(around)]
             known, opened[row] = len(self.findings), []
