@@ -271,8 +271,9 @@ def pieces_along(segments: FloatArray, ends: FloatArray, reach: float) -> tuple[
     low, high = np.maximum(share.min(axis=1), 0.0), np.minimum(share.max(axis=1), length)
     low, high = np.where(low < LEAST_LENGTH, 0.0, low), np.where(length - high < LEAST_LENGTH, length, high)
     pieces = np.concatenate([start + low[:, None] * step, start + high[:, None] * step], axis=1)
-    off = shapely.distance(shapely.points(pieces.reshape(-1, 2, 2)), shapely.LineString(ends)).max(axis=1, initial=0.0)
-    rows = np.flatnonzero((high - low > LEAST_LENGTH) & (np.abs(step @ direction) > ALONG) & (off <= reach))
+    rows = np.flatnonzero((high - low > LEAST_LENGTH) & (np.abs(step @ direction) > ALONG))
+    ends_of = shapely.points(pieces[rows].reshape(-1, 2, 2))
+    rows = rows[shapely.distance(ends_of, shapely.LineString(ends)).max(axis=1, initial=0.0) <= reach]
     return pieces[rows], rows
 
 
