@@ -239,7 +239,8 @@ def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Fi
         if open_levels.isdisjoint(members) and not set(members) <= set(closed):
             names = list(dict.fromkeys(building.levels[index].title for index in members))
             others = f" and its neighbours {', '.join(map(repr, names[1:]))}" if len(names) > 1 else ""
-            text = f"no exit can be reached from {names[0]!r}{others}: people there cannot leave"
+            area = sum(building.levels[index].polygon.area for index in members)
+            text = f"no exit can be reached from {names[0]!r}{others}, {area:.2f} m2: people there cannot leave"
             first = building.levels[members[0]]
             notes.append(Finding("warning", text, first.name, place_of(first.polygon), item_of(first)))
     return tuple(notes)
