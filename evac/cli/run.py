@@ -74,7 +74,7 @@ def execute_run(arguments: argparse.Namespace) -> int:
                 hint = f" (evac resume {place.path} would have continued it)" if has_state else ""
                 display.line(f"evac: replacing {place.running} of an unfinished run{hint}")
             display.phase("reading the building, computing directions")
-            simulation = Simulation(case, place.running, arguments.full, compiling=display.compiling)
+            simulation = Simulation(case, place.running, arguments.full, workers=None, compiling=display.compiling)
             place.start()
             results, status = run_shown(simulation, place, display, arguments.checkpoint)
     show_run(results, arguments.verbose)

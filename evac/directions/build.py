@@ -1,7 +1,8 @@
 """Computation of travel times and directions of a building for given routes."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -31,7 +32,8 @@ from evac.directions.lengths import (
     strips_of,
     take_halos,
 )
-from evac.directions.march.marching import Metric, march
+from evac.directions.march.marching import Metric
+from evac.directions.march.workers import March, march_all, number_of_workers
 from evac.directions.raster.grids import (
     OWN,
     BuildingGrids,
@@ -59,6 +61,9 @@ NODE_BYTES, ROUTE_BYTES = 110.0, 35.0
 #: Maximum memory of all fields [bytes], which corresponds to one or two minutes of computing.
 MOST_BYTES = 2.5e9
 
+#: Memory that worker processes may take together, even if the fields take less [bytes].
+WORKERS_BYTES = 0.5e9
+
 
 def build_fields(
     building: Building,
@@ -71,6 +76,7 @@ def build_fields(
     order: int = ORDER,
     narrowest: float = 0.0,
     widest: float = 0.0,
+    workers: int | None = 1,
     anywhere: bool = False,
     keep_grids: bool = False,
 ) -> Fields:
@@ -89,7 +95,8 @@ def build_fields(
     the time on stairs for the strategy "comfortable". `narrowest` and `widest` are the diameters of the smallest and
     the largest body: for each gap between them there is another class of bodies with its own fields. With `anywhere`,
     routes lead to any exit from where none of their own can be reached; with `keep_grids`, the fields may be solved
-    again during a run.
+    again during a run. At most `workers` fields are marched at the same time, each in a process; None is one for each
+    core. Their number changes no bit.
     """
     _check_routes(building, routes)
     _check_spacing(building, spacing)
@@ -104,6 +111,7 @@ def build_fields(
         clearance=clearance,
         rates=tuple(_rates(route.strategy, speeds, comfort) for route in routes),
         order=order,
+        workers=workers,
         barred=barred,
         reaching=tuple(
             _levels_leading(building, route, shut, anywhere) for route, shut in zip(present, barred, strict=True)
@@ -183,6 +191,7 @@ class _Solver:
     clearance: float
     rates: tuple[FloatArray, ...]
     order: int
+    workers: int | None
     barred: tuple[frozenset[int], ...]
     reaching: tuple[tuple[int, ...], ...]
     shared: Shared = field(default_factory=Shared)
@@ -208,12 +217,12 @@ class _Solver:
             travel_times=[],
             marched=MarchedClass(barred, [], {}),
         )
-        fields = _solve(grids, ways, self, factor, bent)
-        for reaching, (direction, travel_time) in zip(self.reaching, fields, strict=True):
-            take_halos(grids, travel_time)
-            continue_values(grids, travel_time)
-            solved.directions.append(_on_levels(grids, direction, reaching))
-            solved.travel_times.append(_on_levels(grids, travel_time, reaching))
+        with closing(_solve(grids, ways, self, factor, bent)) as fields:
+            for reaching, (direction, travel_time) in zip(self.reaching, fields, strict=True):
+                take_halos(grids, travel_time)
+                continue_values(grids, travel_time)
+                solved.directions.append(_on_levels(grids, direction, reaching))
+                solved.travel_times.append(_on_levels(grids, travel_time, reaching))
         return solved
 
 
@@ -329,15 +338,33 @@ def _check_spacing(building: Building, spacing: float) -> None:
 
 
 def _check_memory(building: Building, n_routes: int, spacing: float, clearance: float) -> None:
-    """Refuse grids that need too much memory, before any is allocated."""
-    most = MOST_BYTES / (NODE_BYTES + ROUTE_BYTES * max(0, n_routes - 1))
+    """Refuse grids that need too much memory, before any is allocated; the message names the responsible key."""
+    most = MOST_BYTES / _bytes_per_node(n_routes)
     nodes = count_nodes(building, spacing, clearance)
-    if nodes > most:
+    if nodes <= most:
+        return
+    alone = count_nodes(building, spacing, 0.0)
+    many = f"{nodes:.2g} nodes for {n_routes} routes, more than {most:.1g}"
+    if alone <= 0.5 * most:
         raise ScenarioError(
-            f"directions.spacing: {spacing:g} m and directions.clearance = {clearance:g} m require grids of "
-            f"{nodes:.2g} nodes for {n_routes} routes, more than {most:.1g}; use a spacing of at least "
-            f"{spacing * math.sqrt(nodes / most):.2g} m, or reduce the clearance; {measures(building)}"
+            f"directions.clearance: {clearance:g} m requires grids of {many}; reduce it (by default, it is "
+            "approximately the largest body radius)"
         )
+    least = spacing * math.sqrt(nodes / most)
+    raise ScenarioError(
+        f"directions.spacing: {spacing:g} m requires grids of {many}; use at least {least:.2g} m; {measures(building)}"
+    )
+
+
+def _bytes_per_node(n_routes: int) -> float:
+    """Return the memory of the fields of so many routes, without that of workers."""
+    return NODE_BYTES + ROUTE_BYTES * max(0, n_routes - 1)
+
+
+def _memory_of_workers(nodes: int, n_routes: int) -> float:
+    """Return what workers may take together [bytes]: what is left, but at most as much as the fields or a minimum."""
+    needed = nodes * _bytes_per_node(n_routes)
+    return min(MOST_BYTES - needed, max(needed, WORKERS_BYTES))
 
 
 def _joined(arrays: list[FloatArray], rest: tuple[int, ...]) -> FloatArray:
@@ -418,18 +445,23 @@ def _solve(
     solver: _Solver,
     avoided: FloatArray,
     bent: FloatArray | None,
-) -> Iterator[tuple[FloatArray, FloatArray]]:
+) -> Generator[tuple[FloatArray, FloatArray], None, None]:
     """Yield directions (nodes, 2) and travel times (nodes,) to the exits of each route on all grids, as marched."""
     building = grids.building
     cosine = np.array([math.cos(level.slope) for level in building.levels])
-    routes = zip(solver.rates, told("computing directions", ways, len(ways)), solver.barred, strict=True)
-    for rate, ends, barred in routes:
+    marches = []
+    for rate, exits, barred in zip(solver.rates, ways, solver.barred, strict=True):
         slowness = rate / cosine[:, None]
-        plain = march(grids, Metric(slowness, avoided, not building.has_areas_to_heed), ends, solver.order, barred)
-        cost = plain
+        is_plain = not building.has_areas_to_heed
+        marches.append(March(Metric(slowness, avoided, is_plain), exits, barred))
         if bent is not None:
-            cost = march(grids, Metric(slowness, bent, is_plain=False), ends, solver.order, barred)
-        yield _directions(grids, cost, [end for end in ends if isinstance(end, Exit)]), plain
+            marches.append(March(Metric(slowness, bent, is_plain=False), exits, barred))
+    workers = number_of_workers(grids, len(marches), _memory_of_workers(grids.size, len(ways)), solver.workers)
+    with closing(march_all(grids, marches, solver.order, workers)) as costs:
+        for exits in told("computing directions", ways, len(ways)):
+            plain = next(costs)
+            cost = plain if bent is None else next(costs)
+            yield _directions(grids, cost, [one for one in exits if isinstance(one, Exit)]), plain
 
 
 def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:

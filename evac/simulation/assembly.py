@@ -144,12 +144,12 @@ def make_contact_model(case: "Case") -> "ContactModel":
 
 
 def make_shared_scene(case: "Case") -> SharedScene:
-    """Return building and directions of a case, as its simulation computes them."""
+    """Return building and directions of a case, as its simulation computes them in one process."""
     building = make_building(case)
     check_people(case, building)
     case = with_numbers(case, building)
     with naming(case.source):
-        return SharedScene(building, solve_fields(case, building, make_behaviours(case), full=False))
+        return SharedScene(building, solve_fields(case, building, make_behaviours(case), full=False, workers=1))
 
 
 def make_population(

@@ -111,12 +111,13 @@ def solve_fields(
     building: "Building",
     behaviours: Sequence[Behaviour],
     full: bool,
+    workers: int | None,
     anywhere: bool = False,
 ) -> Fields:
     """Return the directions of a building for the routes that people can take; `anywhere` as for `build_fields`."""
     settings = field_settings(case, behaviours, full)
     _check_names(case, building, settings["routes"])
-    return build_fields(building, **settings, anywhere=anywhere)
+    return build_fields(building, **settings, workers=workers, anywhere=anywhere)
 
 
 def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:

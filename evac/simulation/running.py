@@ -85,7 +85,7 @@ def run(
     if folder is None and checkpoint is not None:
         raise ScenarioError("checkpoint: needs a result folder; give `folder`")
     with nullcontext() if folder is None else ResultFolder(folder) as place, displayed(progress) as shown:
-        simulation = Simulation(case, None if place is None else place.running, full)
+        simulation = Simulation(case, None if place is None else place.running, full, workers=None)
         before = simulation.warnings()
         warn(before)
         if place is None:
@@ -173,7 +173,7 @@ def resumed(
     case = checkpoint.case(plugin_files, registry, case_file, announce)
     differences = differences_of(checkpoint.header.made_with, inputs_of(case))
     _check_differences(checkpoint.path, differences, allow_differences)
-    simulation = Simulation(case, place.running, checkpoint.header.full, compiling=compiling)
+    simulation = Simulation(case, place.running, checkpoint.header.full, workers=None, compiling=compiling)
     differences += differences_of(checkpoint.header.made_with, made_of(simulation))
     _check_differences(checkpoint.path, differences, allow_differences)
     checkpoint.restore(simulation)

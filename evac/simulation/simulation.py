@@ -59,6 +59,9 @@ class Simulation(Saved):
         That of a simulation whose case has the same `evac.simulation.shared.shared_key`; computed if not given.
     will_run : bool
         False to inspect the state before the first step only: kernels of the step loop are then not loaded.
+    workers : int, optional
+        Greatest number of processes that share the directions of a large building, at most one for each core; None
+        means one for each core. The directions are identical.
     compiling : callable, optional
         Called with the number of compiled kernels and the number of kernels to compile, if there are any.
 
@@ -119,6 +122,7 @@ class Simulation(Saved):
         *,
         shared_scene: SharedScene | None = None,
         will_run: bool = True,
+        workers: int | None = 1,
         compiling: Compiling | None = None,
     ) -> None:
         self.case = case = run_plugin_files(as_case(case))
@@ -128,9 +132,11 @@ class Simulation(Saved):
         self.phases, self.ended = Phases(), ""
         self.resumed: list[dict[str, Any]] = []
         with self.phases.enter("preparation"):
-            self._make(shared_scene, will_run, compiling)
+            self._make(shared_scene, will_run, workers, compiling)
 
-    def _make(self, shared_scene: SharedScene | None, will_run: bool, compiling: Compiling | None) -> None:
+    def _make(
+        self, shared_scene: SharedScene | None, will_run: bool, workers: int | None, compiling: Compiling | None
+    ) -> None:
         """Create the parts of the run, each from those before it, and call the hooks and `prepare` of plugins."""
         case, settings = self.case, self.case.simulation
         self.registry.call_all("evac_configure", case=case, registry=self.registry)
@@ -146,7 +152,7 @@ class Simulation(Saved):
             used = assembly.ENGINE, building, self.contact, self.forces, behaviours
             kernels = needed.run_kernels(case, *used, self.full) if will_run else []
             addresses_of([*needed.SET_UP, *kernels], compiling)
-        solve = partial(needed.solve_fields, case, behaviours=behaviours, full=self.full)
+        solve = partial(needed.solve_fields, case, behaviours=behaviours, full=self.full, workers=workers)
         with naming(case.source), self.phases.enter("directions"):
             shared_scene = shared_scene or SharedScene(building, solve(building))
         with noting(building.warnings), self.phases.enter("people"):

@@ -160,6 +160,11 @@ class Trajectory:
         """Number of all people."""
         return len(self.radius)
 
+    @cached_property
+    def records(self) -> tuple[NDArray[np.float32], ...]:
+        """What is recorded of the people inside, (c, 7 or 8) float32 for each time: the header's fields."""
+        return tuple(np.column_stack([r.person, r.level, r.motion]).astype(np.float32) for r in self.rows)
+
     @property
     def has_dose(self) -> bool:
         """Whether the doses of people are recorded."""

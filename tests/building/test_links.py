@@ -1,5 +1,6 @@
 """Portals, exits and stairs that are closed."""
 
+import networkx
 import pytest
 
 from evac.base.errors import BuildingError, EvacError
@@ -100,3 +101,16 @@ def test_ways_onto_a_level_have_the_names_of_portals_and_of_the_stairs_behind_th
         1: {"portal 0": [0], "portal 1": [1]},
         2: {"portal 1": [1], "lower": [1], "portal 2": [2], "upper": [2]},
     }
+
+
+@pytest.mark.parametrize("closed", [[], ["west"], ["stair 1"], [0]])
+def test_the_graph_has_what_is_open(building, closed):
+    names = [building.portals[one].name if isinstance(one, int) else one for one in closed]
+    building = close_links(building, names)
+    graph = building.graph()
+    links = [*building.portals, *building.exits]
+    found = {key: (kept["name"], kept["width"]) for _, _, key, kept in graph.edges(keys=True, data=True)}
+    assert found == {k: (link.name, link.width) for k, link in enumerate(links) if building.is_open(link)}
+    for way in filter(building.is_open, building.exits):
+        part = networkx.node_connected_component(graph, ("exit", way.index))
+        assert levels_reaching(building, [way]) == {index for kind, index in part if kind == "level"}

@@ -141,3 +141,14 @@ def test_outside_a_niche_that_nobody_fits_into_directions_are_those_without_it()
     assert avoided.travel_time_at(0, inside, 0)[0] > free.travel_time_at(0, inside, 0)[0] + 10.0
     points = [(7.0, 5.0), (4.0, 3.0), (7.5, 1.0)]
     assert np.array_equal(avoided.directions_at(0, points, 0), free.directions_at(0, points, 0))
+
+
+def test_worker_processes_give_the_same_bits(monkeypatch):
+    building = hall((1.0, 0.45), (10.0, 1.1))
+    routes = (Route(), Route(("A",), "shortest"))
+    alone = build_fields(building, routes, clearance=CLEARANCE, narrowest=0.4, widest=0.5)
+    monkeypatch.setattr("evac.directions.march.workers.NODES_PER_WORKER", 1)
+    monkeypatch.setattr("evac.directions.march.workers.cores", lambda: 2)
+    shared = build_fields(building, routes, clearance=CLEARANCE, narrowest=0.4, widest=0.5, workers=2)
+    for name in ("direction", "travel_time", "field_of"):
+        np.testing.assert_array_equal(getattr(shared.packed, name), getattr(alone.packed, name))

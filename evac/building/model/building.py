@@ -19,6 +19,7 @@ from evac.base.parameters import did_you_mean
 from evac.building.model.findings import Finding, warnings_of
 
 if TYPE_CHECKING:
+    import networkx
     from matplotlib.figure import Figure
 
 #: Slope classes: walking on the flat, up or down a slope. Columns of speeds and lengths.
@@ -519,3 +520,25 @@ class Building:
     def exits_of(self, level: int) -> list[Exit]:
         """Return the exits of a level, including closed ones."""
         return [exit_ for exit_ in self.exits if level == exit_.level]
+
+    def graph(self) -> "networkx.MultiGraph":
+        """Return the graph of open portals and exits, for analyses of the ways through the building.
+
+        Returns
+        -------
+        networkx.MultiGraph
+            Nodes are ``("level", i)`` and ``("exit", e)`` with their ``name``. Each open portal and exit is an edge
+            with its ``name`` and ``width`` [m]; its key is the index of the link, portals first.
+        """
+        import networkx  # takes 0.1 s, and no run needs it
+
+        graph = networkx.MultiGraph()
+        graph.add_nodes_from((("level", level.index), {"name": level.name}) for level in self.levels)
+        graph.add_nodes_from((("exit", exit_.index), {"name": exit_.name}) for exit_ in self.exits)
+        for portal in filter(self.is_open, self.portals):
+            first, second = (("level", level) for level in portal.levels)
+            graph.add_edge(first, second, key=portal.index, name=portal.name, width=portal.width)
+        for exit_ in filter(self.is_open, self.exits):
+            ends = ("level", exit_.level), ("exit", exit_.index)
+            graph.add_edge(*ends, key=self.link_of(exit_), name=exit_.name, width=exit_.width)
+        return graph
