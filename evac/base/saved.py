@@ -142,22 +142,6 @@ def taken(
     return array.copy()
 
 
-def copies_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Return copies of the arrays of a part of a run."""
-    return {name: np.array(array) for name, array in arrays.items()}
-
-
-def take(
-    state: Mapping[str, NDArray[Any]], arrays: Mapping[str, NDArray[Any]], bounds: Mapping[str, tuple[Any, ...]]
-) -> None:
-    """Write saved arrays into those of a part of a run of the same kinds and shapes; errors as `taken`.
-
-    The bounds are, by name, the arguments of `taken` behind the shape; without them numbers must be finite.
-    """
-    for name, array in arrays.items():
-        array[...] = taken(state, name, array.dtype, array.shape, *bounds.get(name, ()))
-
-
 @contextmanager
 def part_of(state: Mapping[str, NDArray[Any]], prefix: str) -> Iterator[dict[str, NDArray[Any]]]:
     """Give the arrays whose names have a prefix, without it; errors of `taken` within name it."""

@@ -55,19 +55,11 @@ def check_interface(module: ModuleType, plugin: str) -> None:
     stated = getattr(module, "evac_interface", getattr(package, "evac_interface", None))
     if stated == own and isinstance(stated, int):
         return
-    adapt = (
-        "see docs/plugins_versions.md for what changed, adapt the plugin, and then write"
-        f" `evac_interface = {own}` in the module"
-    )
-    versions = f"was written for version {stated} of the plugin interface, this evac has version {own}"
+    wrong = f"was written for version {stated!r} of the plugin interface, this evac has version {own}"
     if stated is None:
-        wrong, remedy = "does not state for which version of the plugin interface it was written", adapt
-    elif not isinstance(stated, int):
-        wrong, remedy = f"evac_interface is {stated!r}, not a whole number", f"write `evac_interface = {own}`"
-    elif stated > own:
-        wrong, remedy = versions, "install a later evac, or an earlier release of the plugin"
-    else:
-        wrong, remedy = versions, adapt
+        wrong = "does not state for which version of the plugin interface it was written"
+    remedy = "see docs/plugins_versions.md for what changed, adapt the plugin, and then write"
+    remedy += f" `evac_interface = {own}` in the module"
     raise fault(f"plugin {plugin}", wrong, remedy, module, "evac_interface")
 
 

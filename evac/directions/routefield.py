@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
-from evac.base.saved import Saved, copies_of, take, taken
+from evac.base.saved import Bounds, Saved, taken
 from evac.building.model.building import FLAT, Area, Exit
 from evac.directions.descent import Ways, descend
 from evac.directions.fields import Fields, PackedFields
@@ -24,9 +24,6 @@ from evac.directions.raster.strips import chain
 #: A level is solved again if the slowness has changed on it by more than this share of what the crowd adds to it.
 NOTICED = 0.1
 
-#: Arrays of the waves that are saved.
-SAVED = ("time", "exit", "gate", "walk", "former", "leans")
-
 
 class RouteField(Saved):
     """The travel times and directions of a route, for a class of bodies; at first those of the empty building.
@@ -36,6 +33,8 @@ class RouteField(Saved):
     gates and exits are in `waves`, solved with relative speeds `speed` (nodes,); levels that were not solved to their
     end are `stale`.
     """
+
+    saved = ("waves.time", "waves.exit", "waves.gate", "waves.walk", "waves.former", "waves.leans")
 
     def __init__(
         self,
@@ -217,18 +216,16 @@ class RouteField(Saved):
             # its own: ways round the crowd may have been written to the fields since
             "direction": np.concatenate([self._direction[:0], *(self._direction[nodes] for nodes in self._nodes())]),
             "stale": np.array(sorted(self.stale), np.int64),
-            "speed": self.speed,
-            "empty": self._empty,
+            "speed": self.speed.copy(),
+            "empty": self._empty.copy(),
         }
-        return copies_of(own | {name: getattr(self.waves, name) for name in SAVED})
+        return super().state() | own
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore the arrays that `state` returned."""
-        levels, links = len(self._grids.levels), self._grids.building.n_links
+        levels = len(self._grids.levels)
         self._leave_out(taken(state, "empty", np.bool_, self._empty.shape))
-        bounds = dict.fromkeys(("exit", "former"), (-1, links - 1)) | dict.fromkeys(("time", "walk"), (-np.inf, np.inf))
-        bounds |= {"gate": (-1, len(self._gates.people) - 1), "leans": (0, 1)}
-        take(state, {name: getattr(self.waves, name) for name in SAVED}, bounds)
+        super().restore(state)
         speed = taken(state, "speed", np.float64, self.speed.shape, 1e-9, 1.0)
         for level in self._places:
             self._take_speeds(level, speed[self._grids.levels[level].packed])
@@ -243,6 +240,13 @@ class RouteField(Saved):
             self._direction[self._grids.levels[level].packed] = direction[some]
             first = some.stop
         self._write_where_no_way_is()
+
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of the arrays of the waves."""
+        links, any_time = Bounds(-1, self._grids.building.n_links - 1), Bounds(-np.inf, np.inf)
+        gates, sides = Bounds(-1, len(self._gates.people) - 1), Bounds(0, 1)
+        bounds = {"time": any_time, "walk": any_time, "exit": links, "former": links, "gate": gates, "leans": sides}
+        return {f"waves.{name}": bound for name, bound in bounds.items()}
 
     def _nodes(self) -> list[slice]:
         """Return the nodes of the levels with a field."""
