@@ -67,8 +67,8 @@ def _check_names(case: "Case", building: "Building", routes: Sequence[Route]) ->
     """Refuse a parameter of a behaviour that names an exit or an area of a route which does not exist."""
     given = [(name, key, value) for name, table in case.behaviours.items() for key, value in (table or {}).items()]
     for what, known, named in (
-        ("exit", [one.name for one in building.exits], [name for route in routes for name in route.exits]),
-        ("area", [one.name for one in building.areas], [route.refuge for route in routes if route.refuge]),
+        ("exit", [way.name for way in building.exits], [name for route in routes for name in route.exits]),
+        ("area", [area.name for area in building.areas], [route.refuge for route in routes if route.refuge]),
     ):
         for word in (word for word in named if word not in known):
             for name, key, value in given:
@@ -79,15 +79,16 @@ def _check_names(case: "Case", building: "Building", routes: Sequence[Route]) ->
 
 def _routes_of_events(case: "Case") -> list[Route]:
     """Return the routes that groups can get by the events of a case, in whatever order these happen."""
-    found: list[Route] = []
+    routes: list[Route] = []
     areas = {place.name for place in case.place if place.kind == "assembly"}
     for people in case.people:
-        values = [one.value for one in case.event if one.kind == "strategy" and one.target == people.name]
+        events = [event for event in case.event if event.kind == "strategy" and event.target == people.name]
+        values = [event.value for event in events]
         strategies = [people.strategy, *(value for value in values if isinstance(value, str))]
         exits = [people.exits, *(value for value in values if isinstance(value, tuple) and areas.isdisjoint(value))]
         own = route_of(people)
-        found += [replace(own, exits=some, strategy=strategy) for some in exits for strategy in strategies]
-    return found
+        routes += [replace(own, exits=some, strategy=strategy) for some in exits for strategy in strategies]
+    return routes
 
 
 def field_settings(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> dict[str, Any]:

@@ -133,16 +133,16 @@ class Timetable(Saved):
 
     def __init__(self, events: "tuple[EventSettings, ...]", scene: "Scene") -> None:
         self._events, self._scene = events, scene
-        self._places = {one.name: k for k, one in enumerate(events) if one.name is not None}
+        self._places = {event.name: k for k, event in enumerate(events) if event.name is not None}
         # the time at which each event happens, infinite if it is not known yet [s]
-        self._happens = np.array([math.inf if one.time is None else one.time for one in events])
-        for one in events:
-            change = Change(one.time or 0.0, one.kind, one.target, one.values)
+        self._happens = np.array([math.inf if event.time is None else event.time for event in events])
+        for event in events:
+            change = Change(event.time or 0.0, event.kind, event.target, event.values)
             check(scene, change)
-            if one.when is None:
+            if event.when is None:
                 scene.apply(change)
-            elif one.when.area is not None:
-                self._area(one.when.area)
+            elif event.when.area is not None:
+                self._area(event.when.area)
 
     @property
     def is_waiting(self) -> bool:
@@ -154,7 +154,9 @@ class Timetable(Saved):
         """The groups of which events still to come change the strategy or the destinations."""
         is_ahead = self._happens > self._scene.time
         return {
-            one.target for one, ahead in zip(self._events, is_ahead, strict=True) if ahead and one.kind == "strategy"
+            event.target
+            for event, ahead in zip(self._events, is_ahead, strict=True)
+            if ahead and event.kind == "strategy"
         }
 
     def act(self) -> None:
@@ -164,10 +166,10 @@ class Timetable(Saved):
         before = -1
         while before < (before := int(np.isfinite(self._happens).sum())):  # one may be the condition of another
             for k in np.flatnonzero(np.isinf(self._happens)).tolist():
-                one, when = self._events[k], self._events[k].when
+                event, when = self._events[k], self._events[k].when
                 if when is not None and self._is_true(when):
                     self._happens[k] = self._scene.time + when.after
-                    self._scene.apply(Change(self._happens[k], one.kind, one.target, one.values))
+                    self._scene.apply(Change(self._happens[k], event.kind, event.target, event.values))
 
     def bounds(self) -> dict[str, Bounds]:
         """Return that times are 0 s or more."""
@@ -192,7 +194,7 @@ class Timetable(Saved):
         building = self._scene.building
         parts = building.parts_named(name)
         if not parts:
-            known = [one.name for one in building.areas] + [one.title for one in building.levels]
+            known = [area.name for area in building.areas] + [level.title for level in building.levels]
             raise ScenarioError(
                 f"event.when.area: no area, level or stair is named {name!r}; {did_you_mean(name, known)}"
             )
