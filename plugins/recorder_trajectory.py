@@ -1,4 +1,7 @@
-"""Recorder "trajectory": positions of all people in each frame, in a file that stays readable if a run is killed."""
+"""Recorders "trajectory", positions of all people in each frame, and "replay", the page that is made of them.
+
+The file of the trajectory stays readable if a run is killed.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.saved import Bounds, SavedError
-from evac.folder.files import TRAJECTORY_NAME
+from evac.contract.hooks import hookimpl
+from evac.folder.files import REPLAY_NAME, TRAJECTORY_NAME
 from evac.results.results import versions
 from evac.trajectory.header import building_to_json
 from evac.trajectory.recorder import Recorder
@@ -90,6 +94,29 @@ class TrajectoryRecorder(Recorder):
             path, fields = simulation.folder / TRAJECTORY_NAME, [*simulation.scene.fields_of_behaviours.values()]
             has_dose = simulation.dose is not None
             self._writer = TrajectoryWriter(path, _header(simulation), origin, fields, has_dose, length)
+
+
+class ReplayRecorder(Recorder):
+    """Writes ``replay.html`` to the result folder, if there is one, unless ``output.replay`` is false.
+
+    The page is made from the trajectory: without one (``output.trajectory = false``) there is none.
+    """
+
+    name = "replay"
+
+    def record(self, simulation: "Simulation") -> None:
+        """Record nothing, which the recorder of the trajectory does."""
+
+
+@hookimpl
+def evac_finish(simulation: "Simulation", results: "Results | None", error: BaseException | None) -> None:
+    """Write the page, also of a failed run, unless the user chose not to wait for results."""
+    output, folder = simulation.case.output, simulation.folder
+    is_wanted = output.replay and output.trajectory and "replay" in [recorder.name for recorder in simulation.recorders]
+    if folder is not None and is_wanted and (error is None or isinstance(error, Exception)):
+        from evac.replay.writer import replay_run
+
+        replay_run(simulation.results() if results is None else results, folder / REPLAY_NAME, error)
 
 
 def _header(simulation: "Simulation") -> dict[str, Any]:

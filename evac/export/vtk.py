@@ -17,8 +17,6 @@ from evac.export.exporter import file_stems
 from evac.folder.files import (
     ANIMATION_NAME,
     BUILDING_FOLDER,
-    BUILDINGS,
-    FRAMES,
     FRAMES_FOLDER,
     building_name,
     frame_name,
@@ -126,7 +124,6 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
             if (folder / name).is_symlink():
                 raise NotADirectoryError(f"{folder / name} is a link")
             (folder / name).mkdir(parents=True, exist_ok=True)
-        _remove_earlier(folder)
         for name, content in _files(trajectory):
             with replacing(folder / name, "the VTK animation", is_synced=not name.endswith(".vtp")) as new:
                 new.write_bytes(content)
@@ -142,15 +139,6 @@ def _files(trajectory: Trajectory) -> Iterator[tuple[str, bytes]]:
         yield frame_name(k), vtp_bytes(people_polydata(trajectory, trajectory[k]))
     names = {condition: building_name(k) for k, condition in enumerate(states)}
     yield ANIMATION_NAME, _pvd(trajectory.time, [names[building.condition] for building in buildings]).encode()
-
-
-def _remove_earlier(folder: Path) -> None:
-    """Remove the frames, and the buildings after changes, that an earlier animation in the folder lists."""
-    path = folder / ANIMATION_NAME
-    listed = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
-    for file in (*folder.glob(FRAMES), *folder.glob(BUILDINGS)):
-        if f'"{file.relative_to(folder).as_posix()}"' in listed:
-            file.unlink()
 
 
 def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
@@ -222,23 +210,13 @@ def _part(
 
 def _building_files(states: Sequence[Building]) -> Iterator[tuple[str, bytes]]:
     """Yield a file for each part of a building in all its states, and for each state a file that lists them."""
-    parts = [list(building_blocks(building)) for building in states]
-    # The parts are the same in all states, except for the kinds of links that open or close.
-    kinds = [[KINDS[data.cell_arrays["kind"][0]] for _, _, data in of_state] for of_state in parts]
-    titles = {
-        (row, kind): f"{block} {name}" if kind == kinds[0][row] else f"{block} {name} {kind}"
-        for of_state, own in zip(parts, kinds, strict=True)
-        for row, ((block, name, _), kind) in enumerate(zip(of_state, own, strict=True))
-    }
-    stems = dict(zip(titles, file_stems(titles.values()), strict=True))
-    written = set()
-    for k, (of_state, own) in enumerate(zip(parts, kinds, strict=True)):
+    for k, building in enumerate(states):
+        parts = list(building_blocks(building))
+        stems = file_stems(f"{k:05d} {block} {name}" if k else f"{block} {name}" for block, name, _ in parts)
         blocks: dict[str, list[str]] = {}
-        for row, (block, name, data) in enumerate(of_state):
-            file = f"{BUILDING_FOLDER}/{stems[row, own[row]]}.vtp"
-            if file not in written:
-                yield file, vtp_bytes(data)
-                written.add(file)
+        for stem, (block, name, data) in zip(stems, parts, strict=True):
+            file = f"{BUILDING_FOLDER}/{stem}.vtp"
+            yield file, vtp_bytes(data)
             entries = blocks.setdefault(block, [])
             entries.append(f'      <DataSet index="{len(entries)}" name={quoteattr(name)} file={quoteattr(file)}/>\n')
         tree = "".join(

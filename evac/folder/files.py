@@ -43,13 +43,9 @@ WORST_REPLAY_NAME = "replay-worst.html"
 ANIMATION_NAME = "animation.pvd"
 BUILDING_NAME = "building.vtm"
 
-#: Pattern of the files of the building after a change, see `building_name`.
-BUILDINGS = "building_*.vtm"
 BUILDING_FOLDER = "building"
 FRAMES_FOLDER = "frames"
 
-#: Pattern of the files of single frames, see `frame_name`.
-FRAMES = f"{FRAMES_FOLDER}/frame_*.vtp"
 
 #: Default folder of `evac export`.
 EXPORT_FOLDER = "export"
@@ -75,12 +71,12 @@ RUNNING, COMPLETE = "running", "complete"
 
 def frame_name(k: int) -> str:
     """Return the path of frame `k` of the VTK animation, relative to the result folder."""
-    return FRAMES.replace("*", f"{k:05d}")
+    return f"{FRAMES_FOLDER}/frame_{k:05d}.vtp"
 
 
 def building_name(k: int) -> str:
     """Return the path of the building in VTK format, in its initial state for k = 0 and after changes for others."""
-    return BUILDINGS.replace("*", f"{k:05d}") if k else BUILDING_NAME
+    return f"building_{k:05d}.vtm" if k else BUILDING_NAME
 
 
 def map_name(quantity: str) -> str:

@@ -127,12 +127,6 @@ def test_vtk_reads_what_was_written(data, tmp_path):
     assert read.active_scalars_name == "number"
 
 
-def test_the_same_data_are_the_same_bytes(data, tmp_path):
-    for name in ("one.vtp", "two.vtp"):
-        (tmp_path / name).write_bytes(vtp_bytes(data))
-    assert (tmp_path / "one.vtp").read_bytes() == (tmp_path / "two.vtp").read_bytes()
-
-
 def test_arrays_in_any_order_of_memory_and_of_bytes_are_written_alike(data, tmp_path):
     other = PolyData(
         data.points[::-1].astype(">f8"), point_arrays={"wind": np.asfortranarray(data.point_arrays["wind"])}
@@ -141,9 +135,3 @@ def test_arrays_in_any_order_of_memory_and_of_bytes_are_written_alike(data, tmp_
     read = pyvista.read(tmp_path / "other.vtp")
     np.testing.assert_array_equal(read.points, data.points[::-1])
     np.testing.assert_array_equal(read["wind"], data.point_arrays["wind"])
-
-
-def test_nothing_can_be_written(tmp_path):
-    (tmp_path / "empty.vtp").write_bytes(vtp_bytes(PolyData(np.zeros((0, 3)), texts={"names": []})))
-    read = pyvista.read(tmp_path / "empty.vtp")
-    assert read.n_points == read.n_cells == 0

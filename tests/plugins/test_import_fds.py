@@ -34,14 +34,6 @@ def test_storeys_walls_exits_and_start_areas(tmp_path):
     assert [area.polygon.area for area in building.areas] == [pytest.approx(18.0)]
 
 
-def test_a_deck_becomes_a_case_that_runs(tmp_path):
-    ground = "\n".join(line for line in DECK.splitlines() if ",3.0,6.0" not in line and ",3.0,5.0" not in line)
-    (tmp_path / "a.fds").write_text(ground.replace("0.0,8.0,0.0,6.0", "0.0,8.0,0.0,2.8"))
-    made = import_building([tmp_path / "a.fds"], tmp_path / "case", people=10)
-    assert (made.fault, made.missing) == ("", ())
-    assert evac.run(evac.load(made.folder)).evacuated == 10
-
-
 def test_open_vents_are_offered_as_exits(tmp_path):
     (tmp_path / "a.fds").write_text(DECK)
     made = import_building([tmp_path / "a.fds"], tmp_path / "case", exits=[1, 2], people=10)
