@@ -48,8 +48,11 @@ CLASSES = {
 }
 #: Kinds of bodies without which a building is incomplete.
 NEEDED = ("space", "slab", "door", "stair", "landing")
+#: Elements whose class does not say what they are; least area of those that are slabs by their shape [m2], and their
+#: greatest thickness [m].
+PROXY, LEAST_SLAB, THICKEST_SLAB = "IfcBuildingElementProxy", 4.0, 0.6
 #: Why elements of other classes are left out.
-UNUSED = {"IfcTransportElement": "lifts and escalators are not supported"}
+UNUSED = {"IfcTransportElement": "lifts and escalators are not supported", PROXY: "their class tells nothing"}
 #: The whole and its parts of a relation.
 AGGREGATES = re.compile(rb"=\s*IFCRELAGGREGATES\s*\([^;]*?#(\d+)\s*,\s*\(([#\d,\s]*)\)\s*\)\s*;")
 #: The opening and the door or window of a relation; names between quotes cannot hold a reference at the end.
@@ -78,6 +81,7 @@ class IfcImporter(Importer):
     gap = Parameter(0.01, "gaps between spaces up to this width are closed", unit="m", minimum=0.0)
     furniture = Parameter(False, "whether furniture is an obstacle")
     cut_slabs = Parameter(False, "whether slabs that block a stair are cut")
+    proxies = Parameter(False, "whether proxies that have the shape of slabs are slabs")
     time = Parameter(60.0, "shapes that are not made within this computing time are left out", unit="s", minimum=1.0)
     product_time = Parameter(10.0, "a shape that takes more computing time is left out", unit="s", minimum=1.0)
 
@@ -88,7 +92,7 @@ class IfcImporter(Importer):
         findings: list[Finding] = []
         optional_library(path, LIBRARY, "ifc")
         content = _content(path)
-        read = read_products(content, CLASSES, float(self.product_time), float(self.time))
+        read = read_products(content, {*CLASSES, PROXY}, float(self.product_time), float(self.time))
         if not read.entities:
             raise ValueError("the file contains no building element; choose another file")
         elements = read.entities
@@ -100,7 +104,9 @@ class IfcImporter(Importer):
         names = {part: storeys[whole][0] for part, whole in _parts(content).items() if whole in storeys}
         fillings = {int(filling): int(opening) for opening, filling in FILLS.findall(content)}
         bodies = _bodies(read, names, fillings, findings)
-        own = {key: value for key, value in self.values().items() if key not in ("time", "product_time")}
+        proxies = _proxies(read, {body.kind for body in bodies}, bool(self.proxies), findings)
+        bodies += proxies if self.proxies else []
+        own = {key: self.values()[key] for key in Rules.__annotations__}
         rules = Rules(**own)
         plan = plan_of_bodies(path, bodies, list(storeys.values()), rules, findings)
         plan.north = _north(content)
@@ -163,6 +169,25 @@ def _bodies(
         storey, opening = storeys.get(number, ""), fills.get(number, -1)
         use = _use(element) if kind == "space" else ""
         bodies.append(Body(kind, _label(number, element), points, triangles, number, storey, opening, use))
+    return bodies
+
+
+def _proxies(read: "Products", kinds: set[str], are_slabs: bool, findings: list[Finding]) -> "list[Body]":
+    """Return the proxies that are slabs by their shape; add a finding for each of them."""
+    from evac.building.recover.bodies import Body
+
+    bodies = []
+    for number, (points, triangles) in sorted(read.shapes.items()):
+        element = read.entities[number]
+        if element["ifc_type"] == PROXY and len(triangles) and np.isfinite(points).all():
+            body = Body("slab", _label(number, element), points, triangles, number)
+            area, z = max(((plan.area, z) for plan, z in body.tops()), default=(0.0, 0.0))
+            if area > LEAST_SLAB and body.z_max - body.z_min < THICKEST_SLAB:
+                bodies.append(body)
+                text = f"{body.name!r}, a proxy, has the shape of a slab of {area:.1f} m2 at z = {z:.2f} m"
+                text += "" if are_slabs else "; read it with proxies = true"
+                kind = "assumed" if are_slabs else "warning" if kinds & {"slab", "space"} else "missing"
+                findings.append(Finding(kind, text, None, (*body.place, z)))
     return bodies
 
 

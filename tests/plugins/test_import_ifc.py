@@ -1,6 +1,7 @@
 """IFC files: floors of spaces and slabs, doors, exits, stairs, and what cannot be walked."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -99,6 +100,14 @@ def test_furniture_stands_on_its_storey_and_lamps_hang_above_it(tmp_path):
         sum(level.polygon.area for level in building_of(path, furniture=value).levels) for value in (False, True)
     )
     assert free - full == pytest.approx(2.0, rel=1e-2)
+
+
+def test_a_proxy_with_the_shape_of_a_slab_is_named_and_read_if_that_is_wanted(tmp_path):
+    path = house(IfcFile(), spaces=False).write(tmp_path / "a.ifc")
+    path.write_text(re.sub(r"IFCSLAB(.*)FLOOR", r"IFCBUILDINGELEMENTPROXY\1NOTDEFINED", path.read_text()))
+    with pytest.raises(evac.BuildingError, match=r"no floor.*'S', a proxy.* 66\.6 m2"):
+        plan_of(path)
+    assert building_of(path, proxies=True).levels[0].polygon.area == pytest.approx(59.12, rel=1e-3)
 
 
 def test_an_opening_that_ends_above_the_foot_of_its_wall_is_no_door(tmp_path):

@@ -74,7 +74,7 @@ def walked_surface(
     tags = {name: mask[rows][~steep] for name, mask in mesh.cell_tags.items()}
     before = patches_of(vertices, cells[~steep], body[~steep], tags)
     after, notes = before, list[Finding]()
-    if has_bodies:
+    if has_bodies and steep.any():
         solid = set(body[steep].tolist())
         closed = closed_bodies(cells, body) & solid
         after, notes = _walked_on(before, solid, closed, headroom)
