@@ -84,7 +84,7 @@ def united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
         shapely.union(*own, grid_size=GRID) if len(own) == 2 else shapely.union_all(own, grid_size=GRID)
         for own in parts  # a union of two is faster
     ]
-    return flat_parts(shapely.multipolygons(shapely.get_parts(wholes)))
+    return flat_parts(shapely.geometrycollections(shapely.get_parts(wholes)))
 
 
 def enclosed(lines: Sequence[BaseGeometry]) -> BaseGeometry:
