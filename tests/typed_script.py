@@ -138,6 +138,9 @@ def main(folder: Path) -> None:
     findings: Sequence[evac.Finding] = simulation.findings
     print(findings, simulation.results().changes, *models(case.registry))
     room(5.0).write(folder / "room.plan.toml")
+    with evac.edit(folder / "room.plan.toml") as page:
+        plan: evac.Plan = page.plan
+    print(page.address, plan)
     building: evac.Building = evac.read_building(folder / "room.plan.toml")
     print([level.name for level in building.levels], evac.import_building([folder / "room.plan.toml"], folder / "case"))
     try:

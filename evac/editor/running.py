@@ -67,9 +67,9 @@ class Runner:
             )
 
     def stop(self) -> None:
-        """Stop the command that writes the result as Ctrl-C does, after which a run can be resumed."""
+        """Stop the command that writes the result at the end of its tick, after which a run can be resumed."""
         if (process := self._holder()) is not None:
-            os.kill(process, signal.SIGINT)
+            os.kill(process, signal.SIGTERM)  # which shells do not have ignored in the background, unlike SIGINT
 
     def close(self) -> None:
         """Forget what commands have printed; one that runs goes on."""
@@ -83,9 +83,10 @@ class Runner:
         """Return what goes on: ``phase`` is none, running, failed or ended, with what the page shows of it."""
         if self._holder() is not None:
             return {"phase": "running", **self._progress()}
-        if self._process is not None and self._process.returncode not in (0, 3, 130):
+        status = 0 if self._process is None else self._process.returncode
+        if status not in (0, 3) and status < 128:  # from 128 on, it was stopped
             text = "\n".join(line for line in self._lines() if line.startswith("evac: "))
-            return {"phase": "failed", "text": text or f"the command ended with status {self._process.returncode}"}
+            return {"phase": "failed", "text": text or f"the command ended with status {status}"}
         try:
             written = (self.folder / SUMMARY_NAME).stat().st_mtime_ns, self._files()
         except OSError:

@@ -41,7 +41,7 @@ def scene(seed, number=80):
     ends = random.uniform(-6.0, 6.0, (30, 2))
     walls = np.hstack([ends, ends + random.uniform(-3.0, 3.0, (30, 2))])
     crowd = random_crowd(number, (-6, -6), (6, 6), seed=seed)
-    state = make_engine(crowd, make_building(walls=walls)).state
+    state = make_engine(crowd, make_building(walls=walls)).data
     state.bodies.row[:] = np.arange(number)
     gather(state, crowd, number)
     return state
@@ -96,7 +96,7 @@ def stacked(storeys, far=None):
     portals = [(k, k + 1, (10.0, 1.0 + 2 * (k % 2), 10.0, 2.0 + 2 * (k % 2))) for k in range(storeys - 1)]
     building = make_building(((0.0, 0.0, 10.0, 5.0),) * storeys, portals=portals)
     crowd = make_crowd(position, level=np.repeat(np.arange(storeys), 50))
-    state = make_engine(crowd, building).state
+    state = make_engine(crowd, building).data
     state.bodies.row[:] = np.arange(len(position))
     gather(state, crowd, len(position))
     state.lists.pair_reach = 0.5
@@ -126,7 +126,7 @@ def test_lists_across_portals_contain_all_who_can_touch(seed):
     )
     crowd = make_crowd(random.uniform((2.5, 0.5), (5.5, 3.5), (60, 2)))
     crowd.level[:] = np.where(crowd.position[:, 0] < 4.0, 0, random.integers(1, 3, 60))
-    state = make_engine(crowd, building).state
+    state = make_engine(crowd, building).data
     bodies, lists, contacts = state.bodies, state.lists, state.contacts
     bodies.row[:] = np.arange(60)
     gather(state, crowd, 60)
