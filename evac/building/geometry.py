@@ -259,6 +259,19 @@ def points_on(
     return rows[on], found[on]
 
 
+def are_beside(segments: FloatArray, others: FloatArray, reach: float) -> BoolArray:
+    """Return (s, o) where others (o, 4) may lie along segments (s, 4), at most `reach` from their lines [m]."""
+    length, lengths = segment_lengths(segments), segment_lengths(others)
+    start = segments[:, None, :2]
+    step = ((segments[:, 2:] - segments[:, :2]) / np.maximum(length, LEAST_LENGTH)[:, None])[:, None]
+    way = ((others[:, 2:] - others[:, :2]) / np.maximum(lengths, LEAST_LENGTH)[:, None])[None]
+    ends = np.stack([others[None, :, :2], others[None, :, 2:]]) - start
+    share, off = (ends * step).sum(axis=-1), ends[..., 1] * step[..., 0] - ends[..., 0] * step[..., 1]
+    overlap = np.minimum(share.max(axis=0), length[:, None]) - np.maximum(share.min(axis=0), 0.0)
+    is_beside: BoolArray = (np.abs((way * step).sum(axis=-1)) > ALONG) & (overlap > 0.0)
+    return is_beside & (np.abs(off).min(axis=0) <= reach + GRID)
+
+
 def pieces_along(segments: FloatArray, ends: FloatArray, reach: float) -> tuple[FloatArray, IndexArray]:
     """Return the pieces (p, 4) of segments (s, 4) along a line (2, 2), at most `reach` from it [m], and their rows.
 

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.parameters import did_you_mean
-from evac.building.geometry import GRID, flat_parts, rounded, segment_lengths, sides
+from evac.building.geometry import GRID, are_beside, flat_parts, rounded, segment_lengths, sides
 from evac.building.model.findings import Finding, noting
 from evac.building.plan.outlines import along
 from evac.building.plan.plan import Item, Plan, Room, Shaft, Stair, Storey, Tie
@@ -43,8 +43,9 @@ def expanded(plan: Plan, errors: list[Finding]) -> Plan:
             check_storey(declared, room.storey)
     rooms = {name: _rooms(plan, name, order[name]) for name in order}
     flat.rooms = [room for own in rooms.values() for room in own]
+    outlines = {name: {room.name: room.outline for room in own} for name, own in rooms.items()}
     for kind in (*REPEATED, "exits", "openings"):
-        own = [tied for item in getattr(plan, kind) if (tied := _tied(plan, kind, item, rooms, errors))]
+        own = [tied for item in getattr(plan, kind) if (tied := _tied(plan, kind, item, outlines, errors))]
         if kind in REPEATED:
             own += [
                 _copied(kind, item, original, name)
@@ -117,15 +118,17 @@ def _storey(plan: Plan, name: str, originals: list[str], rooms: list[Room]) -> S
     return replace(given[0], polygons=tuple(ground), wall=wall, like=None)
 
 
-def _tied(plan: Plan, section: str, item: Item, rooms: Mapping[str, list[Room]], errors: list[Finding]) -> Item | None:
-    """Return an item whose tie to rooms has become a segment or polygons, or None with an error."""
+def _tied(
+    plan: Plan, section: str, item: Item, outlines: Mapping[str, Mapping[str, BaseGeometry]], errors: list[Finding]
+) -> Item | None:
+    """Return an item whose tie to rooms, given by storey and name, is a segment or polygons, or None with an error."""
     if item.tie is None:
         return item
-    known = {room.name: room.outline for room in rooms.get(item.storey, ())}
+    known = outlines.get(item.storey, {})
     at = next((known[name] for name in item.tie.rooms if name in known), None)
     with noting(errors, f"{section.removesuffix('s')} {item.name!r}", key_of(section, item), item.storey, at):
         check_storey({*plan.storeys, *plan.refused}, item.storey)
-        if item.storey not in rooms or plan.refused.intersection(item.tie.rooms):  # which have errors of their own
+        if item.storey not in outlines or plan.refused.intersection(item.tie.rooms):  # which have errors of their own
             return None
         for name in item.tie.rooms:
             if name not in known:
@@ -142,8 +145,8 @@ def _tied(plan: Plan, section: str, item: Item, rooms: Mapping[str, list[Room]],
 
 def _between(tie: Tie, one: BaseGeometry, other: BaseGeometry) -> FloatArray:
     """Return the longest straight wall (2, 2) between two rooms, from its end with the least (x, y)."""
-    walls = np.empty((0, 2, 2))
-    for start, end in sides(other).reshape(-1, 2, 2):
+    walls, others = np.empty((0, 2, 2)), sides(other)
+    for start, end in others[are_beside(others, sides(one), DOOR_REACH).any(axis=1)].reshape(-1, 2, 2):
         near = along(one, np.stack([start, end]), DOOR_REACH).reshape(-1, 2, 2)
         step = (end - start) / np.hypot(*(end - start))
         far = start + ((near - start) @ step)[..., None] * step
