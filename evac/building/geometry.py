@@ -268,8 +268,9 @@ def are_beside(segments: FloatArray, others: FloatArray, reach: float) -> BoolAr
     ends = np.stack([others[None, :, :2], others[None, :, 2:]]) - start
     share, off = (ends * step).sum(axis=-1), ends[..., 1] * step[..., 0] - ends[..., 0] * step[..., 1]
     overlap = np.minimum(share.max(axis=0), length[:, None]) - np.maximum(share.min(axis=0), 0.0)
-    is_beside: BoolArray = (np.abs((way * step).sum(axis=-1)) > ALONG) & (overlap > 0.0)
-    return is_beside & (np.abs(off).min(axis=0) <= reach + GRID)
+    is_near = (off.min(axis=0) <= reach + GRID) & (off.max(axis=0) >= -reach - GRID)
+    are: BoolArray = is_near & (overlap > 0.0) & (np.abs((way * step).sum(axis=-1)) > ALONG)
+    return are
 
 
 def pieces_along(segments: FloatArray, ends: FloatArray, reach: float) -> tuple[FloatArray, IndexArray]:
