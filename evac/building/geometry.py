@@ -269,7 +269,7 @@ def are_beside(segments: FloatArray, others: FloatArray, reach: float) -> BoolAr
     share, off = (ends * step).sum(axis=-1), ends[..., 1] * step[..., 0] - ends[..., 0] * step[..., 1]
     overlap = np.minimum(share.max(axis=0), length[:, None]) - np.maximum(share.min(axis=0), 0.0)
     is_near = (off.min(axis=0) <= reach + GRID) & (off.max(axis=0) >= -reach - GRID)
-    are: BoolArray = is_near & (overlap > 0.0) & (np.abs((way * step).sum(axis=-1)) > ALONG)
+    are: BoolArray = is_near & (overlap > -reach) & (np.abs((way * step).sum(axis=-1)) > ALONG)
     return are
 
 
