@@ -244,6 +244,24 @@ def test_groups_events_and_behaviours_are_changed_in_the_case(page):
     assert 'area = "office"  # an area of the plan\n' in case.read_text()
 
 
+def test_phases_and_limits_are_changed_in_the_case(page):
+    page.run("document.getElementById('add-phase').click()")
+    page.type("Of", "first")
+    page.type("Delay [s]", "30")
+    page.run("document.getElementById('add-compartment').click()")
+    page.run("document.querySelector('#tables input[aria-label=safety]').click()")
+    page.type("Available [s]", "90")
+    page.run("document.querySelectorAll('#tables button')[1].click()")
+    page.type("Seed", "7")
+    page.judged()
+    assert page.text("#verdict") == "Can be run"
+    case = page.saved()["case"]
+    assert case["phase"] == [{"name": "phase", "of": ["first"], "delay": 30}]
+    assert case["compartment"] == [{"name": "compartment", "of": ["ground"], "available": 120}]
+    assert case["safety"] == {"available": 90}
+    assert case["simulation"] == {"duration": 300.0, "seed": 7}
+
+
 def test_a_distribution_has_its_numbers_and_its_curve(page):
     page.run("editor.act.select({ section: 'behaviours', index: 'response_time' })")
     page.browser.wait("document.querySelector('.curve').getAttribute('aria-label')")

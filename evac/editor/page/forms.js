@@ -1,8 +1,9 @@
-// What the case says of people: its groups, events and behaviours, with forms that are made from its schema.
+// What the case says beside its building: groups, events, phases, behaviours and limits, with forms made from its schema.
 
-const LISTS = { people: "a group", event: "an event" };
+const LISTS = ["people", "event", "phase", "compartment"];
+const TABLES = ["safety", "simulation"];
 const SHOWN = {  // Fields that are there from the start; the others are added.
-  people: ["preset", "number", "density", "level", "area", "use", "speed"], event: ["time", "kind", "target", "value"],
+  people: ["preset", "number", "density", "level", "area", "use", "speed"], event: ["time", "kind", "target", "value"], phase: ["of", "delay", "cue"], compartment: ["of", "available", "visibility", "fed"], simulation: ["duration", "seed"],
 };
 const BY_MEAN = "lognormal by mean", FACTOR = "factor";
 const NUMBERS = { constant: "value", [BY_MEAN]: "mean, standard deviation", [FACTOR]: "of the speed on the flat" };  // What the numbers are.
@@ -12,39 +13,45 @@ class Forms {
     Object.assign(this, { store, act, schema, presets, added: new Set() });
     const [, table] = schema.definitions.Distribution.anyOf;
     this.kinds = Object.entries(table.properties).filter(([name]) => !["minimum", "maximum"].includes(name));
-    for (const section of Object.keys(LISTS)) by(`add-${section}`).addEventListener("click", () => this.add(section));
+    for (const section of LISTS) by(`add-${section}`).addEventListener("click", () => this.add(section));
     by("of-case").hidden = false;
   }
 
   get table() { return this.store.now; }
 
   add(section) {
-    const name = this.table.unique(section, section === "people" ? "people" : "event"), storey = this.table.storeys[0]?.name;
-    const row = section === "people" ? { name, level: storey, number: 10 } : { name, time: 0, kind: "close", target: this.table.rows("exits")[0]?.name ?? "" };
+    const storey = this.table.storeys[0]?.name, name = this.table.unique(section, section);
+    const row = { people: { name, level: storey, number: 10 }, event: { name, time: 0, kind: "close", target: this.table.rows("exits")[0]?.name ?? "" }, phase: { name, of: [storey], delay: 60 }, compartment: { name, of: [storey], available: 120 } }[section];
     this.store.commit(this.table.add(section, row));
     this.act.select({ section, index: this.table.rows(section).length - 1 });
   }
 
   // The lists at the left.
   showRail(selected) {
-    for (const section of Object.keys(LISTS)) {
+    for (const section of LISTS) {
       refill(by(section), this.table.rows(section).map((row, index) => {
         const item = document.createElement("li"), button = this.button(row.name, () => this.act.select({ section, index })), where = row.area ?? row.use ?? row.level ?? "";
-        button.append(node("small", section === "people" ? `${row.number ?? (row.density ? `${row.density} per m²` : row.positions?.length ?? "as planned")}${where && `, ${where}`}` : `${row.kind}${row.time === undefined ? "" : `, ${row.time} s`}`));
+        if (LISTS.indexOf(section) < 2) button.append(node("small", section === "people" ? `${row.number ?? (row.density ? `${row.density} per m²` : row.positions?.length ?? "as planned")}${where && `, ${where}`}` : `${row.kind}${row.time === undefined ? "" : `, ${row.time} s`}`));
         button.setAttribute("aria-pressed", selected?.section === section && selected.index === index);
         item.append(button);
         return item;
       }));
     }
-    const own = this.table.content.case.behaviours ?? {};
-    refill(by("behaviours"), Object.entries(this.schema.properties.behaviours.properties).map(([name, schema]) => {
-      const item = document.createElement("li"), words = name.replaceAll("_", " "), ref = { section: "behaviours", index: name }, isOn = own[name] !== undefined && own[name] !== false;
+    this.showSwitches("behaviours", this.schema.properties.behaviours.properties, "behaviours");
+    this.showSwitches("tables", Object.fromEntries(TABLES.map((name) => [name, this.schema.properties[name]])), "case");
+  }
+
+  // Tables that are there or not, such as behaviours.
+  showSwitches(id, schemas, section) {
+    const own = this.table.rows(section), selected = this.act.selected();
+    refill(by(id), Object.entries(schemas).map(([name, schema]) => {
+      const item = document.createElement("li"), words = name.replaceAll("_", " "), ref = { section, index: name }, isOn = own[name] !== undefined && own[name] !== false;
       const box = Object.assign(document.createElement("input"), { type: "checkbox", checked: isOn });
       box.setAttribute("aria-label", words);
       box.addEventListener("change", () => { this.store.commit(box.checked ? this.table.set(ref, {}) : this.table.remove(ref)); this.act.select(box.checked ? ref : null); });
-      const button = this.button(words, () => this.act.select(ref), schema.anyOf[1].description);
+      const button = this.button(words, () => this.act.select(ref), this.resolved(schema).description);
       button.disabled = !isOn;
-      button.setAttribute("aria-pressed", selected?.section === "behaviours" && selected.index === name);
+      button.setAttribute("aria-pressed", selected?.section === section && selected.index === name);
       item.append(box, button);
       return item;
     }));
@@ -68,9 +75,9 @@ class Forms {
   }
 
   fieldsOf(ref, row) {
-    const { section, index } = ref, schema = this.resolved(section === "behaviours" ? this.schema.properties.behaviours.properties[index] : this.schema.properties[section].items);
-    const change = (next) => this.store.commit(this.table.set(ref, next)), about = section === "behaviours" ? [node("p", schema.description)] : [];
-    return [...about, ...this.fields(schema, row === true ? {} : row, change, SHOWN[section] ?? Object.keys(schema.properties), `${section}.${index}`)];
+    const { section, index } = ref, all = this.schema.properties, isList = LISTS.includes(section), schema = this.resolved(isList ? all[section].items : section === "case" ? all[index] : all.behaviours.properties[index]);
+    const change = (next) => this.store.commit(this.table.set(ref, next)), about = isList ? [] : [node("p", schema.description)];
+    return [...about, ...this.fields(schema, row === true ? {} : row, change, SHOWN[index === "simulation" ? index : section] ?? Object.keys(schema.properties), `${section}.${index}`)];
   }
 
   // A field for each key that is there or shown anyway, and a choice of the others.

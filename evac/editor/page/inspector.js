@@ -46,11 +46,11 @@ class Inspector {
     const index = this.table.rows("storeys").indexOf(storey), ref = selected ?? { section: "storeys", index }, row = this.table.row(ref);
     if (!row) return box.replaceChildren(node("h2", "Nothing is selected"));
     const { section } = ref, isGround = ref.part !== undefined, what = selected ? singular(section) : "storey", commit = (next) => this.store.commit(next);
-    const set = (key) => (value) => commit(this.table.put(ref, key, value)), isNamed = !isGround && section !== "behaviours", parts = [node("h2", `${capital(what)} ${row.name ?? (isNamed ? "" : ref.index ?? "")}`)];
+    const set = (key) => (value) => commit(this.table.put(ref, key, value)), isOfCase = [...CASE, "case"].includes(section), isNamed = !isGround && !["behaviours", "case"].includes(section), parts = [node("h2", `${capital(what)} ${row.name ?? (isNamed ? "" : ref.index ?? "")}`)];
     if (isNamed) parts.push(this.field("Name", row.name, TEXT, (name) => { if (name && name !== row.name) { if (what === "storey") this.act.renamed(name); commit(this.table.rename(ref, name)); } }));
-    if (CASE.includes(section)) parts.push(...this.forms.fieldsOf(ref, row));
+    if (isOfCase) parts.push(...this.forms.fieldsOf(ref, row));
     else if (!isGround) for (const [key, [label, kind]] of Object.entries(FIELDS[section])) parts.push(this.field(label, row[key], kind, set(key)));
-    if (what !== "storey" && !CASE.includes(section)) parts.push(...this.sizes(ref, row));
+    if (what !== "storey" && !isOfCase) parts.push(...this.sizes(ref, row));
     const actions = node("div", "", { className: "actions" });
     if (selected && isNamed) actions.append(this.button("Duplicate", "Ctrl+D", this.act.duplicate));
     if (selected || this.table.storeys.length > 1) actions.append(this.button("Delete", "Delete", this.act.remove));

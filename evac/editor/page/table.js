@@ -4,7 +4,7 @@ const POLYGONS = ["rooms", "areas", "obstacles"];
 const ON_WALLS = ["doors", "exits", "openings"];
 const DRAWN = [...ON_WALLS, "shafts", "stairs", ...POLYGONS];
 const SHAPES = ["polygon", "polygons", "segment", "lower_edge", "upper_edge"];
-const CASE = ["people", "event", "behaviours"];  // Of the case, which is beside the plan as `case`.
+const CASE = ["people", "event", "phase", "compartment", "behaviours"];  // Of the case, which is beside the plan as `case`.
 const NAMED = { storeys: "level", areas: "area" };  // Keys of groups with names of the plan.
 const WALL = 0.35;  // Two faces of rooms that are no farther apart are those of one wall [m].
 
@@ -137,7 +137,7 @@ class Table {
 
   set({ section, index }, row) {
     const rows = this.rows(section);
-    return this.with({ [section]: section === "behaviours" ? { ...rows, [index]: row } : rows.with(index, row) });
+    return this.with({ [section]: Array.isArray(rows) ? rows.with(index, row) : { ...rows, [index]: row } });
   }
 
   add(section, row) { return this.with({ [section]: [...this.rows(section), row] }); }
@@ -175,9 +175,9 @@ class Table {
 
   remove(ref) {
     const row = this.row(ref);
-    if (ref.section === "behaviours") {
-      const { [ref.index]: _, ...others } = this.rows("behaviours");
-      return this.with({ behaviours: others });
+    if (!Array.isArray(this.rows(ref.section))) {
+      const { [ref.index]: _, ...others } = this.rows(ref.section);
+      return this.with({ [ref.section]: others });
     }
     if (ref.part !== undefined) return Array.isArray(row.polygons) && !isRing(row.polygons) ? this.put(ref, "polygons", row.polygons.filter((_, k) => k !== ref.part)) : this.put(ref, "polygons");
     const next = this.with({ [ref.section]: this.rows(ref.section).filter((_, k) => k !== ref.index) });

@@ -14,7 +14,7 @@ const TOOLS = {
   obstacle: { key: "o", points: Infinity, section: "obstacles", hint: "Drag a rectangle, or click corner after corner; it is cut out of the floor" },
   measure: { key: "m", points: 2, hint: "Click on both ends" },
 };
-const singular = (section) => ({ rooms: "room", storeys: "ground", shafts: "stair", stairs: "stair", areas: "area", obstacles: "obstacle", doors: "door", exits: "exit", openings: "opening", people: "group", event: "event", behaviours: "behaviour" })[section];
+const singular = (section) => ({ rooms: "room", storeys: "ground", shafts: "stair", stairs: "stair", areas: "area", obstacles: "obstacle", doors: "door", exits: "exit", openings: "opening", people: "group", event: "event", phase: "phase", compartment: "compartment", behaviours: "behaviour", case: "table" })[section];
 const rectangle = ([x1, y1], [x2, y2]) => [[Math.min(x1, x2), Math.min(y1, y2)], [Math.max(x1, x2), Math.min(y1, y2)], [Math.max(x1, x2), Math.max(y1, y2)], [Math.min(x1, x2), Math.max(y1, y2)]];
 
 class Tools {
@@ -203,7 +203,7 @@ class Tools {
   }
 
   nudge(selected, by) {
-    if (CASE.includes(selected.section)) return;
+    if ([...CASE, "case"].includes(selected.section)) return;
     const { corner, side, ...ref } = selected, name = `move ${JSON.stringify(ref)}`, row = this.table.row(ref);
     if (corner || side) {
       this.store.commit(moveSide(this.table, this.storey, { corner, side }, by), name);
