@@ -272,9 +272,10 @@ class Session:
     def _look_always(self) -> None:
         """Tell pages when the file on the disk changes, and how the run goes on."""
         while not self.is_over.wait(LOOK_EVERY):
-            if self.runner is not None and self.listeners and (state := self.runner.state()) != self.run:
-                self.run = state
-                self.tell("run", state)
+            with suppress(EvacError, OSError):  # what is written just now is read the next time
+                if self.runner is not None and self.listeners and (state := self.runner.state()) != self.run:
+                    self.run = state
+                    self.tell("run", state)
             with suppress(OSError, UnicodeDecodeError):
                 files = dict.fromkeys([self.file, self.case_file or self.file])
                 now = _digest({file: content_of(file).decode() for file in files})

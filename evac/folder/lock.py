@@ -57,13 +57,18 @@ def _sign(file: int) -> None:
 
 
 def holder_here(path: Path) -> int | None:
-    """Return the process of this machine that holds a lock; None if there is none, or it cannot be told."""
+    """Return the process of this machine that holds a lock; None if nobody does, or it cannot be told."""
+    if os.name != "posix":  # elsewhere, nobody reads a file that is locked
+        return None
+    import fcntl
+
     with suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
-        holder = json.loads(content_of(path))  # Windows lets nobody read it
-        process = int(holder["process"])
-        if holder["host"] == socket.gethostname() and os.name == "posix":
-            os.kill(process, 0)  # only asks whether it exists
-            return process
+        holder = json.loads(content_of(path))
+        with path.open("rb") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # succeeds on what a killed process has left
+            except BlockingIOError:
+                return int(holder["process"]) if holder["host"] == socket.gethostname() else None
     return None
 
 

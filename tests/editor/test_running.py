@@ -1,6 +1,9 @@
 """A run that is started from the page, and what is told of it."""
 
+import json
+import os
 import re
+import socket
 import time
 from pathlib import Path
 
@@ -65,6 +68,14 @@ def test_a_run_is_found_again_and_stopped_by_another_one(house, runners, tmp_pat
     for runner in (first, second):
         assert awaited(runner, lambda state: state["phase"] != "running")["phase"] == "ended"
     assert (tmp_path / "result/checkpoint.evac").exists()
+
+
+def test_a_lock_that_a_killed_run_has_left_is_nobodys(runners, tmp_path):
+    lock = tmp_path / "result.lock"
+    lock.write_text(json.dumps({"process": os.getpid(), "host": socket.gethostname(), "since": "now"}))
+    runner = runners()
+    assert runner.state() == {"phase": "none"}
+    runner.stop()  # stops nobody, whatever process has the number now
 
 
 def test_a_run_that_is_refused_says_why(house, runners):
