@@ -43,7 +43,7 @@ def run_evidence(kind: str, folder: Path, quick: bool = False, page_only: bool =
         if COMMITTED.is_dir() and folder.samefile(COMMITTED):
             write_whole(INSTALLED, json.dumps(shown_in_reports(folder), indent=1))
     except OSError as error:
-        raise ResultError(f"{folder}: cannot write evidence there: {error.strerror}; choose another --out") from error
+        raise ResultError(f"{error.filename or folder}: {error.strerror}; choose another --out") from error
     return evidence.folder / "README.md"
 
 

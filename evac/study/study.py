@@ -310,7 +310,7 @@ class Study:
         wanted = [(index, run) for index in points for run in range(self._wanted[index])]
         if not failed:
             wanted = [key for key in wanted if not math.isnan(self._store.entries[key].last_out)]
-        return self._store.rows(wanted, columns)
+        yield from self._store.rows(wanted, columns)  # a frame of this study keeps its temporary folder
 
     def table(self) -> "pyarrow.Table":
         """Return all rows, also of failed runs, as an Arrow table, with the exit times of all people in memory."""

@@ -2,6 +2,7 @@
 
 import concurrent.futures
 import csv
+import gc
 import json
 import textwrap
 
@@ -113,6 +114,12 @@ def test_a_changed_building_or_plugin_does_not_go_on(case, tmp_path):
     mesh.write_text(case.mesh.read_text() + "\n")
     with pytest.raises(ResultError, match="building"):
         evac.repeat(own, 2, folder=tmp_path / "r", resume=True)
+
+
+def test_rows_are_read_of_a_study_that_is_not_kept(case):
+    rows = evac.repeat(case, 2, workers=1).rows(columns=["seed"])
+    gc.collect()
+    assert [row["seed"] for row in rows] == [5, 6]
 
 
 def test_rows_of_a_stopped_study_are_not_overwritten(case, tmp_path):
