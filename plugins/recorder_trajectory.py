@@ -14,17 +14,17 @@ from evac.base.saved import Bounds, SavedError
 from evac.contract.hooks import hookimpl
 from evac.folder.files import REPLAY_NAME, TRAJECTORY_NAME
 from evac.results.results import versions
-from evac.trajectory.header import building_to_json
+from evac.trajectory.header import IN_MEMORY, building_to_json
 from evac.trajectory.recorder import Recorder
 
-if TYPE_CHECKING:  # evac.trajectory.writer imports Arrow, which a run without a folder does not need
+if TYPE_CHECKING:  # evac.trajectory.writer imports Arrow, which a run without a trajectory does not need
     from evac.results.results import Results
     from evac.simulation.simulation import Simulation
     from evac.trajectory.writer import TrajectoryWriter
 
 
 class TrajectoryRecorder(Recorder):
-    """Writes ``trajectory.evac`` to the result folder, if there is one, unless ``output.trajectory`` is false."""
+    """Writes ``trajectory.evac`` to the result folder, or to memory, unless ``output.trajectory`` is false."""
 
     name = "trajectory"
     saved = ("_recorded", "_changes")
@@ -82,18 +82,22 @@ class TrajectoryRecorder(Recorder):
 
     def files(self) -> Mapping[str, int]:
         """Return the length of the trajectory."""
-        return {TRAJECTORY_NAME: self._writer.length} if self._writer is not None else {}
+        if self._writer is None or self._writer.memory is not None:
+            return {}
+        return {TRAJECTORY_NAME: self._writer.length}
 
     def _open(self, simulation: "Simulation", length: int = 0) -> None:
         """Write a new file, or continue one after so many bytes."""
-        if simulation.folder is not None and simulation.case.output.trajectory:
+        memory = None if simulation.folder is not None else simulation.recording.memory
+        if (simulation.folder is not None or memory is not None) and simulation.case.output.trajectory:
             from evac.trajectory.writer import TrajectoryWriter
 
             corners = simulation.scene.shared_scene.building.vertices[:, :2]
             origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
-            path, fields = simulation.folder / TRAJECTORY_NAME, [*simulation.scene.fields_of_behaviours.values()]
+            path = (simulation.folder or IN_MEMORY) / TRAJECTORY_NAME
+            fields = [*simulation.scene.fields_of_behaviours.values()]
             has_dose = simulation.dose is not None
-            self._writer = TrajectoryWriter(path, _header(simulation), origin, fields, has_dose, length)
+            self._writer = TrajectoryWriter(path, _header(simulation), origin, fields, has_dose, length, memory)
 
 
 class ReplayRecorder(Recorder):

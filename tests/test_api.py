@@ -42,6 +42,13 @@ def test_the_run_with_a_folder_is_the_same(tmp_path):
     one = evac.run(evac.load("square_room"))
     other = evac.run(evac.load("square_room"), str(tmp_path / "r"), full=True)
     np.testing.assert_array_equal(one.crowd.exit_time, other.crowd.exit_time)
+    assert one.time % 0.5 > 0.0  # the last state is no frame of the output times
+    for name in ("time", "position", "contact_force"):
+        np.testing.assert_array_equal(getattr(one.trajectory, name), getattr(other.trajectory, name))
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(one)).trajectory.position, one.trajectory.position)
+    assert (
+        evac.run(evac.load("square_room", {"output.trajectory": False, "output.animation": False})).trajectory is None
+    )
     assert "output" in other.phases
 
 
@@ -57,6 +64,32 @@ def test_what_runs_return_can_be_copied_and_pickled(tmp_path):
         assert str(made(study).statistics) == str(study.statistics)
         assert [row["last_out"] for row in made(study).rows()] == [row["last_out"] for row in study.rows()]
         assert str(made(evac.compare(study, study))) == str(evac.compare(study, study))
+
+
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("workers", lambda case: evac.repeat(case, 2, workers="a")),
+        ("runs", lambda case: evac.repeat(case, 2.5)),
+        ("folder", lambda case: evac.run(case, 5)),
+        ("progress", lambda case: evac.run(case, progress=5)),
+        ("checkpoint", lambda case: evac.run(case, checkpoint="a")),
+        ("full", lambda case: evac.run(case, full="a")),
+        ("source", lambda case: evac.load(None)),
+        ("registry", lambda case: evac.load("square_room", registry=evac.Registry)),
+        ("plugin_files", lambda case: evac.load("square_room", plugin_files="a.py")),
+        ("key", lambda case: case.change({5: 5})),
+        ("parameters", lambda case: evac.sweep(case, 5, 2)),
+        ("design", lambda case: evac.compare(case, 5)),
+        ("files", lambda case: evac.import_building(5, "x")),
+        ("in_memory", lambda case: evac.Simulation(case, in_memory=1)),
+        ("5 is", lambda case: evac.read_results(5)),
+        ("5 is", lambda case: evac.read_building(5)),
+    ],
+)
+def test_arguments_of_a_wrong_type_are_told_by_name(name, call):
+    with pytest.raises(evac.EvacError, match=f"^{name}.* of type "):
+        call(evac.load("square_room"))
 
 
 def test_every_public_name_is_there():

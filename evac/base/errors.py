@@ -2,6 +2,7 @@
 
 import errno
 import inspect
+import os
 import re
 import shlex
 import stat
@@ -154,6 +155,8 @@ def text_of(item: object) -> str:
 
 def usable_path(given: str | Path, kind: type[EvacError]) -> Path:
     """Return a path from outside, whose file need not exist; an error of a class if a question about it raises."""
+    if not isinstance(given, str | os.PathLike):
+        raise kind(f"{text_of(repr(given))} is of type {type(given).__name__}; give a path")
     path = Path(given)
     try:
         str(path.absolute()).encode()

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from evac.base.arguments import PATH, check_types
 from evac.base.errors import PluginError, ScenarioError, escaped, usable_path
 from evac.base.keys import Fault, Key, with_own_classes
 from evac.base.parameters import did_you_mean
@@ -55,6 +56,7 @@ def load_case(
     --------
     >>> case = evac.load("classroom", ["simulation.duration=60", "simulation.seed=7"])  # doctest: +SKIP
     """
+    check_types(source=(source, PATH | Mapping), registry=(registry, Registry | None))
     registry = registry or Registry()
     files = _added(plugin_files, registry)
     if isinstance(source, Mapping):
@@ -143,6 +145,7 @@ def _found(source: str | Path, registry: Registry) -> Path:
 
 def _added(files: Iterable[str | Path], registry: Registry) -> tuple[Path, ...]:
     """Register plugin files and return their paths, resolved."""
+    check_types(plugin_files=(files, Iterable))
     paths = tuple(usable_path(file, PluginError).resolve() for file in files)
     for path in paths:
         registry.add_file(path)

@@ -4,6 +4,7 @@ import copy
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from evac.base.arguments import check_types
 from evac.base.keys import Fault, Key
 from evac.base.parameters import did_you_mean
 from evac.building.model.findings import repaired
@@ -21,6 +22,7 @@ def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str
     pairs: list[tuple[str, Any]] = []
     faults: list[Fault] = []
     for text in [overrides] if isinstance(overrides, str) else overrides:
+        check_types(override=(text, str))
         key, sign, word = (part.strip() for part in text.partition("="))
         if not (key and sign and word):
             faults.append(Fault((text,), "write the override as dotted.key=value"))
@@ -62,9 +64,11 @@ def split_values(text: str) -> list[str]:
 
 def apply(table: dict[str, Any], overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[Key], list[Fault]]:
     """Change `table` in place; return the keys that were set, and the faults."""
+    check_types(overrides=(overrides, str | Iterable))
     pairs, faults = parsed(overrides)
     keys: list[Key] = []
     for name, value in pairs:
+        check_types(key=(name, str))
         wrong = content_faults({"value": value})  # before it is copied
         outcome = Fault((name,), wrong[0].text) if wrong else _set(table, name.split("."), value)
         if isinstance(outcome, Fault):

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from evac.base.errors import fault, plugin_code
+from evac.base.errors import ResultError, fault, plugin_code
 from evac.base.parameters import Configurable
 from evac.folder.files import EXPORT_FOLDER, draft_in, replacing, writing
 
@@ -52,6 +52,8 @@ class Exporter(Configurable, ABC):
 
         By default ``export/trajectory.SUFFIX`` or ``export/NAME/`` in the result folder.
         """
+        if not trajectory.path.parent.is_dir():
+            raise ResultError(f"{trajectory.path}: there is no result folder for the export; give a path")
         folder = trajectory.path.parent / EXPORT_FOLDER
         return folder / f"trajectory{self.suffix}" if self.suffix else folder / self.name
 

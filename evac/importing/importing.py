@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from evac.base.arguments import PATH, check_types
 from evac.base.errors import BuildingError, EvacError, ScenarioError, usable_path
 from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building
@@ -122,12 +123,15 @@ def import_building(
     ScenarioError
         An option or the number of an exit is not known, or the folder contains something else.
     """
+    check_types(
+        files=(files, Sequence), folder=(folder, PATH), exits=(exits, Sequence), registry=(registry, Registry | None)
+    )
     if density is not None and not 0.0 <= density <= MOST_DENSITY:
         raise ScenarioError(f"density: must be between 0 and {MOST_DENSITY:g} people per square metre, not {density!r}")
     if basis not in BASES:
         raise ScenarioError(f"basis: must be one of {', '.join(BASES)}, not {basis!r}")
     registry = registry or Registry()
-    paths, place = tuple(Path(file) for file in files), Path(folder)
+    paths, place = tuple(usable_path(file, BuildingError) for file in files), Path(folder)
     changed = _changed_files(place)
     importers, own, values = _options(paths, dict(options or {}), registry)
     findings = list[Finding]()

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.analysis.maps import LevelMaps, level_maps
+from evac.base.arguments import PATH, check_types
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError, counted
 from evac.building.model.building import Building
@@ -210,7 +211,7 @@ def compare(*what: "str | Path | Results | Study | tuple[Study, int]") -> Compar
         if not {*designs[0].seeds} & {*other.seeds}:
             raise ResultError(
                 f"{designs[0].label} and {other.label} have no seed in common, so their differences would be those of"
-                " chance; run both with the same seeds (--seed)"
+                " chance; run both with the same simulation.seed"
             )
     return Comparison(tuple(designs))
 
@@ -238,7 +239,8 @@ def _designs(what: Any) -> Iterator[Design]:
         maps = partial(level_maps, what.trajectory, spacing=SPACING) if what.trajectory else dict
         yield Design(label, (seeds,), (times,), (what.is_complete,), what.verdict, what.building_or_none, maps)
         return
-    study, point = what if isinstance(what, tuple) else (what, None)
+    study, point = what if isinstance(what, tuple) and len(what) == 2 else (what, None)
+    check_types(design=(study, PATH | Results | Study))
     for chosen in study.points if point is None else (study.points[point],):
         yield _of_point(study, chosen.index)
 

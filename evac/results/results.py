@@ -19,7 +19,7 @@ from evac.analysis.occupancy import Moves, Occupancy, moves_of
 from evac.analysis.queues import Queue, find_queues
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
-from evac.base.errors import ResultError
+from evac.base.errors import ResultError, usable_path
 from evac.building.model.building import Building
 from evac.contract.hooks import DEFAULT_MOVEMENT
 from evac.directions.routes import Route
@@ -292,6 +292,7 @@ class Results:
     exposure: Unwritten[Mapping[str, FloatArray]] = field(default_factory=dict)
     margins: Unwritten[Mapping[str, FloatArray]] = field(default_factory=dict)
     folder: Unwritten[Path | None] = None
+    recorded: Unwritten[bytes | None] = field(default=None, repr=False)  # the trajectory of a run without a folder
     noticed: Unwritten[Sequence[str]] = ()  # quality warnings but for those of flows and queues
     advised: Unwritten[Sequence[str] | None] = None  # behaviours that would keep distances, if none does
 
@@ -332,8 +333,11 @@ class Results:
 
     @cached_property
     def trajectory(self) -> "Trajectory | None":
-        """The recorded motion in the result folder; None if there is none."""
-        from evac.trajectory.trajectory import read_trajectory
+        """The recorded motion, in memory for a run without a folder; None if the case or `Simulation` wants none."""
+        from evac.trajectory.trajectory import read_trajectory, trajectory_in_memory
+
+        if self.recorded:
+            return trajectory_in_memory(self.recorded)
 
         path = None if self.folder is None else self.folder / TRAJECTORY_NAME
         return read_trajectory(path) if path is not None and path.is_file() else None
@@ -626,7 +630,7 @@ class Results:
         ResultError
             The folder or a file cannot be written.
         """
-        folder = Path(folder)
+        folder = usable_path(folder, ResultError)
         with writing("the results", folder):
             folder.mkdir(parents=True, exist_ok=True)
         self.write_tables(folder)

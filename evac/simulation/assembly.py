@@ -89,7 +89,7 @@ def read_building(
     --------
     >>> building = evac.read_building("hall.msh", scale=0.001)  # doctest: +SKIP
     """
-    path = Path(path)
+    path = usable_path(path, BuildingError)
     own = BuildingOptions.read(options, BuildingError, f"{path}: building.")
     registry = registry or Registry(builtins=built_in("importer"))
     importer = create("importer", registry.importer_for(path), {})

@@ -5,9 +5,11 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from evac.base.arguments import PATH, check_types
 from evac.base.display import displayed
 from evac.base.errors import EvacError, FolderWarning, ResultError, ScenarioError, in_one_line, warn
 from evac.base.interrupt import Interrupt, never
@@ -80,12 +82,13 @@ def run(
     --------
     >>> results = evac.run("classroom", "classroom-result")  # doctest: +SKIP
     """
+    check_types(folder=(folder, PATH | None), full=(full, bool), progress=(progress, Callable | bool | None))
     case = as_case(case)
     _check_interval(checkpoint)
     if folder is None and checkpoint is not None:
         raise ScenarioError("checkpoint: needs a result folder; give `folder`")
     with nullcontext() if folder is None else ResultFolder(folder) as place, displayed(progress) as shown:
-        simulation = Simulation(case, None if place is None else place.running, full, workers=None)
+        simulation = Simulation(case, None if place is None else place.running, full, in_memory=True, workers=None)
         before = simulation.warnings()
         warn(before)
         if place is None:
@@ -147,6 +150,8 @@ def resume(
     --------
     >>> results = evac.resume("classroom-result")  # doctest: +SKIP
     """
+    check_types(folder=(folder, PATH), case_file=(case_file, PATH | None), plugin_files=(plugin_files, Iterable))
+    check_types(allow_differences=(allow_differences, bool), progress=(progress, Callable | bool | None))
     _check_interval(checkpoint)
     with ResultFolder(folder) as place, displayed(progress) as shown:
         simulation, every = resumed(place, plugin_files, registry, allow_differences, case_file)
@@ -303,6 +308,7 @@ def _optional(path: Path) -> Iterator[None]:
 
 def _check_interval(checkpoint: float | None) -> None:
     """Raise an error unless a wall time between two checkpoints [s] is finite and not negative, or None."""
+    check_types(checkpoint=(checkpoint, Real | None))
     if checkpoint is not None and not 0.0 <= checkpoint < math.inf:
         raise ScenarioError(f"checkpoint: {checkpoint!r} given; give a wall time of 0 s or more, or None")
 
@@ -313,5 +319,5 @@ def _check_differences(path: Path, differences: list[str], is_allowed: bool) -> 
         raise ResultError(
             f"{path}: the run cannot be resumed with the same results, because of changes since the checkpoint:\n"
             + "\n".join(f"  {line}" for line in differences)
-            + "\nundo the changes, run the case again, or accept them (--allow-differences)"
+            + "\nundo the changes, run the case again, or accept them (allow_differences=True, or --allow-differences)"
         )

@@ -3,12 +3,14 @@
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.base.arguments import PATH, check_types
 from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError, PluginError, naming, noting, plugin_code
 from evac.base.phases import Phases, Progress
@@ -55,6 +57,8 @@ class Simulation(Saved):
         summary.json are written by `Results.write`, a whole result folder by `evac.run`.
     full : bool
         Include the parts that the scene does not need: identical results, slower.
+    in_memory : bool
+        Keep the trajectory in memory if there is no folder, for `Results.trajectory`.
     shared_scene : SharedScene, optional
         That of a simulation whose case has the same `evac.simulation.shared.shared_key`; computed if not given.
     will_run : bool
@@ -120,15 +124,18 @@ class Simulation(Saved):
         folder: str | Path | None = None,
         full: bool = False,
         *,
+        in_memory: bool = False,
         shared_scene: SharedScene | None = None,
         will_run: bool = True,
         workers: int | None = 1,
         compiling: Compiling | None = None,
     ) -> None:
+        check_types(folder=(folder, PATH | None), full=(full, bool), workers=(workers, Integral | None))
+        check_types(in_memory=(in_memory, bool), compiling=(compiling, Callable | None))
         self.case = case = run_plugin_files(as_case(case))
         self.registry: Registry = case.registry
         self.folder, self.full = None if folder is None else Path(folder), full
-        self.seed, self.step = case.simulation.seed, 0
+        self.seed, self.step, self._in_memory = case.simulation.seed, 0, in_memory and folder is None
         self.phases, self.ended = Phases(), ""
         self.resumed: list[dict[str, Any]] = []
         with self.phases.enter("preparation"):
@@ -141,7 +148,7 @@ class Simulation(Saved):
         case, settings = self.case, self.case.simulation
         self.registry.call_all("evac_configure", case=case, registry=self.registry)
         self.contact = assembly.make_contact_model(case)
-        self.recording = Recording(assembly.make_recorders(case), self.folder)
+        self.recording = Recording(assembly.make_recorders(case), self.folder, self._in_memory)
         forces, behaviours = assembly.make_forces(case), assembly.make_behaviours(case)
         self.forces = needed.needed_forces(forces, self.full)
         with self.phases.enter("building"):
@@ -265,6 +272,7 @@ class Simulation(Saved):
         PluginError
             A plugin fails; `results` returns the results until then.
         """
+        check_types(progress=(progress, Callable | None))
         results = None
         error: BaseException | None = None
         self.loop.progress = progress
@@ -281,7 +289,7 @@ class Simulation(Saved):
                 raise
             finally:
                 self.recording.finish(self, self.registry, results, error)
-        return replace(results, phases=self.phases.seconds())
+        return replace(results, phases=self.phases.seconds(), recorded=self.recording.in_memory())
 
     def advance_tick(self) -> None:
         """Advance by one tick: everything in ``loop.operations``, in order; `ended` is set after the last tick.
@@ -351,6 +359,7 @@ class Simulation(Saved):
             plugins=self._plugins(),
             files=self._files(),
             folder=self.folder,
+            recorded=self.recording.in_memory(),
             changes=tuple(self.scene.changes),
             waiting_outside=sum(len(one.waiting(self.population.crowd, self.time)) for one in self.population.sources),
             resumed=self.resumed,

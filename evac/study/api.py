@@ -5,10 +5,12 @@ import weakref
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
+from numbers import Integral, Real
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
+from evac.base.arguments import PATH, check_types
 from evac.base.errors import EvacError, PluginError, ResultError, ScenarioError, warn
 from evac.case.loading import as_case
 from evac.case.trust import run_plugin_files
@@ -155,6 +157,7 @@ def sweep(
     >>> study = sweep(load("square_room"), changes, runs=20)  # doctest: +SKIP
     >>> study.to_pandas().groupby("people.people.number").last_out.mean()  # doctest: +SKIP
     """
+    check_types(parameters=(parameters, Mapping | Sequence))
     case = run_plugin_files(as_case(case))
     if isinstance(parameters, Mapping):
         chosen = points.grid(case, parameters)
@@ -181,6 +184,10 @@ def execute_study(
     replay: bool = False,
 ) -> Study:
     """Run the study of some points, and write its outputs if it has a folder; arguments as for `repeat`."""
+    check_types(runs=(runs, Integral | None), until=(until, Real | None), statistic=(statistic, str))
+    check_types(least=(least, Integral | None), most=(most, Integral | None), repetitions=(repetitions, Integral))
+    check_types(folder=(folder, PATH | None), workers=(workers, Integral | None), progress=(progress, Callable | None))
+    check_types(executor=(executor, Executor | None), resume=(resume, bool), maps=(maps, bool))
     rule = rule_of(runs, until, statistic, least, most, repetitions)
     if workers is not None and workers < 1:
         raise ScenarioError(f"workers must be at least 1, not {workers}")
@@ -233,6 +240,6 @@ def _open_folder(place: ResultFolder, resume: bool) -> None:
         return
     source = place.running if (place.running / STUDY_NAME).is_file() else place.path
     if not (source / STUDY_NAME).is_file():
-        raise ResultError(f"{place.path}: contains no study to resume; start one without --resume")
+        raise ResultError(f"{place.path}: contains no study to resume; start one without resume")
     place.reopen(source)
     remove_written(place.running, (STUDY_NAME, RUNS_STREAM_NAME))

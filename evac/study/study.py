@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.base.errors import EvacError, ResultError, in_one_line
+from evac.base.errors import EvacError, ResultError, in_one_line, usable_path
 from evac.building.model.building import Building
 from evac.folder.files import STUDY_NAME
 from evac.results.recordedcase import recorded_case
@@ -393,7 +393,7 @@ def read_study(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> S
     >>> study = read_study("classroom-runs")  # doctest: +SKIP
     >>> study.statistics[0].mean  # doctest: +SKIP
     """
-    place = Path(folder)
+    place = usable_path(folder, ResultError)
     identity, definition = read_identity(place)
     check_rows(place)
     files = tuple(Path(path).resolve() for path in plugin_files)

@@ -16,6 +16,9 @@ from evac.building.model.findings import as_findings
 
 FORMAT = 4
 
+#: Folder in messages about the trajectory of a run without one.
+IN_MEMORY = Path("in memory")
+
 #: Key of the header, in the metadata of the schema.
 TRAJECTORY_KEY = b"evac.trajectory"
 

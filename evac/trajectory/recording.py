@@ -1,5 +1,6 @@
 """The recorders of a run: starting, calling and finishing them, and their state for checkpoints."""
 
+import io
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
@@ -24,14 +25,22 @@ READ = "only read the simulation, and copy arrays before changing them"
 
 
 class Recording:
-    """Calls the recorders of a run, once they have started (`is_started`); errors name the recorder."""
+    """Calls the recorders of a run, once they have started (`is_started`); errors name the recorder.
 
-    def __init__(self, recorders: Sequence[Recorder], folder: Path | None) -> None:
+    `memory` takes the trajectory of a run without a folder, if it is wanted.
+    """
+
+    def __init__(self, recorders: Sequence[Recorder], folder: Path | None, in_memory: bool = False) -> None:
         self.recorders = list(recorders)
         self.is_started = False
         self._folder = folder
+        self.memory = io.BytesIO() if in_memory else None
         self._made: set[str] = set()  # files created while plugins started or finished
         self._digests: dict[str, RunningDigest] = {}  # of the files
+
+    def in_memory(self) -> bytes | None:
+        """Return the trajectory until now, if it is in memory."""
+        return None if self.memory is None else self.memory.getvalue()
 
     def start(self, simulation: "Simulation") -> None:
         """Start the recorders, and record the current state."""

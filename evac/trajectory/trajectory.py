@@ -27,7 +27,7 @@ from evac.building.model.cells import LevelField
 from evac.building.model.links import building_at
 from evac.folder.digests import MARK, PREFIX, read_sealed
 from evac.folder.files import TRAJECTORY_NAME
-from evac.trajectory.header import FIELDS_WITH_DOSE, FORMAT, TRAJECTORY_KEY, building_from_json
+from evac.trajectory.header import FIELDS_WITH_DOSE, FORMAT, IN_MEMORY, TRAJECTORY_KEY, building_from_json
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -351,7 +351,17 @@ def read_trajectory(path: str | Path) -> Trajectory:
     """
     path = usable_path(path, ResultError)
     path = path / TRAJECTORY_NAME if path.is_dir() else path
-    data = _mapped(path)
+    return _trajectory(path, _mapped(path))
+
+
+def trajectory_in_memory(data: bytes) -> Trajectory:
+    """Return the trajectory of a run without a folder."""
+    memory = mmap.mmap(-1, len(data))
+    memory.write(data)
+    return _trajectory(IN_MEMORY / TRAJECTORY_NAME, memory)
+
+
+def _trajectory(path: Path, data: mmap.mmap) -> Trajectory:
     header, schema, start = _read_header(path, data)
     frames, end = _read_frames(path, data, schema, start)
     building = building_from_json(header["building"])

@@ -2,8 +2,9 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from io import BytesIO, FileIO
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -49,7 +50,8 @@ class TrajectoryWriter:
     """Writes the header and then one frame after the other, each without buffering.
 
     The header is JSON data, to which format, fields and origin are added. With a `length` [bytes], the file exists and
-    is continued after so many bytes. Positions are relative to the origin, so that float32 is precise enough.
+    is continued after so many bytes; with `memory`, it is written there, and the path is only a name. Positions are
+    relative to the origin, so that float32 is precise enough.
 
     Attributes
     ----------
@@ -66,8 +68,10 @@ class TrajectoryWriter:
         fields: Sequence[LevelField] = (),
         has_dose: bool = False,
         length: int = 0,
+        memory: BytesIO | None = None,
     ) -> None:
-        self.path, self.length, self._origin = path, length, np.asarray(origin, np.float64)
+        self.path, self.length, self.memory = path, length, memory
+        self._origin = np.asarray(origin, np.float64)
         self._schema = columns(len(header["radius"]), len(header["building"]["levels"]), fields, has_dose)
         # Asking Arrow for types takes as long as writing a frame.
         self._kinds = self._schema.types
@@ -80,11 +84,15 @@ class TrajectoryWriter:
                 self._file.seek(length)
                 self._file.truncate()
                 return
-            path.parent.mkdir(parents=True, exist_ok=True)
-            check_replaceable(path)
-            note_written([path])
-            path.unlink(missing_ok=True)  # a link is not followed
-            self._file = path.open("xb", buffering=0)
+            self._file: BinaryIO | FileIO
+            if memory is None:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                check_replaceable(path)
+                note_written([path])
+                path.unlink(missing_ok=True)  # a link is not followed
+                self._file = path.open("xb", buffering=0)
+            else:
+                self._file = memory
             names = FIELDS_WITH_DOSE if has_dose else FIELDS
             given = {**header, "format": FORMAT, "fields": names, "origin": self._origin.tolist()}
             given["level_fields"] = [{"name": own.name, "unit": own.unit, "spacing": own.spacing} for own in fields]
@@ -154,8 +162,9 @@ class TrajectoryWriter:
         self.length += written
 
     def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+        """Close the file; what is in memory remains."""
+        if self.memory is None:
+            self._file.close()
 
 
 def _array(kind: pa.DataType, length: int, values: NDArray[Any]) -> pa.Array:
