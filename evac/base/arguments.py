@@ -23,7 +23,7 @@ WORDS: Mapping[Any, str] = {
 }
 
 #: The types of paths.
-PATH = str | PathLike
+PATH: Any = str | PathLike
 
 
 def check_types(**given: tuple[Any, Any]) -> None:

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from io import BytesIO, FileIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -78,13 +78,13 @@ class TrajectoryWriter:
         self._one = self._kinds[1].value_type
         self._of_person = [field.type for field in self._one]
         self._whole = [np.dtype(kind.to_pandas_dtype()) for kind in self._of_person[:2]]
+        self._file: FileIO | BytesIO
         with writing("the trajectory", path):
             if length:
                 self._file = path.open("r+b", buffering=0)
                 self._file.seek(length)
                 self._file.truncate()
                 return
-            self._file: BinaryIO | FileIO
             if memory is None:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 check_replaceable(path)
