@@ -19,7 +19,7 @@ from typing import NoReturn
 from evac.base.display import Display
 from evac.base.errors import EvacError, PluginError, in_one_line, text_of
 from evac.base.phases import shown_by
-from evac.cli.screen import crash_file, lasting, note, shown_warnings, told_loss
+from evac.cli.screen import crash_file, lasting, note, shown_warnings, told_loss, versions
 
 #: Exit status for bad input, for an error in evac itself (EX_SOFTWARE of sysexits.h), and for an interrupt by Ctrl-C.
 BAD_INPUT = 2
@@ -133,12 +133,10 @@ def use_shipped_settings() -> None:
 
 
 class _Version(argparse.Action):
-    """Show the version, which is determined only when requested."""
+    """Show the versions that a bug report needs."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        import evac
-
-        print(f"evac {evac.__version__}")
+        print(versions())
         parser.exit()
 
 
@@ -171,7 +169,7 @@ def parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
         formatter_class=_Help,
     )
-    top.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
+    top.add_argument("--version", action=_Version, nargs=0, help="show the versions of evac, Python and packages")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, file in COMMANDS.items():
         module = importlib.import_module(f"evac.cli.{file}")

@@ -27,6 +27,9 @@ from evac.base.errors import EvacWarning, in_one_line
 #: Libraries that log warnings to standard error by default.
 LOGGING = ("matplotlib", "imageio", "PIL")
 
+#: Packages on which numbers, kernels and pictures depend, for reports of faults.
+PACKAGES = ("numpy", "scipy", "numba", "llvmlite", "shapely", "scikit-fmm", "pyvista", "pyarrow")
+
 
 class Lasting(io.TextIOWrapper):
     """A standard stream that a plugin cannot close; once writing has failed, it leads to the null device."""
@@ -104,9 +107,15 @@ def notify(line: str) -> None:
         os.write(sys.stderr.fileno(), f"{line}\n".encode())
 
 
+def versions() -> str:
+    """Return the versions of evac, of the packages on which its numbers depend, of Python and of the system."""
+    packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    return f"evac {version('evac')}\n{packages}\nPython {sys.version}\n{platform.platform()}"
+
+
 def crash_file(error: BaseException) -> str:
     """Write traceback, command and versions to a new temporary file; return a sentence that names it."""
-    head = f"{shlex.join(sys.argv)}\nevac {version('evac')}, Python {sys.version}, {platform.platform()}\n\n"
+    head = f"{shlex.join(sys.argv)}\n{versions()}\n\n"
     try:
         descriptor, name = tempfile.mkstemp(".txt", "evac-crash-")
         with open(descriptor, "w", encoding="utf-8", errors="backslashreplace") as file:

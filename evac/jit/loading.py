@@ -15,16 +15,20 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import ExitStack, chdir, closing, suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from llvmlite import binding as llvm
 
-from evac.base.errors import CacheWarning, PluginError
+from evac.base.errors import CacheWarning, EvacError, PluginError
 from evac.jit.digest import digest_of, kernels_in
 from evac.jit.kernels import INTERPRETED, NOTE_RAISED, Entry, entries_of, note_raised
 from evac.jit.store import Store, user_store
+
+#: Least version of numba, and the least that is too new: the compiler builds on the inside of those between them.
+NUMBA = (0, 62), (0, 69)
 
 #: Level of x86-64 that kernels in a wheel are compiled for: AVX2 and fused multiply-add, but not AVX-512.
 GENERIC = "x86-64-v3"
@@ -247,6 +251,10 @@ def _compiled(
 
 def _compile_here(task: Compilation, processor: Processor, store: Store | None) -> tuple[bytes, str]:
     """Compile and store a kernel; return its object code, and the reason if it could not be stored."""
+    found = version("numba")
+    if not NUMBA[0] <= tuple(map(int, found.split(".")[:2])) < NUMBA[1]:
+        least, above = (".".join(map(str, numbers)) for numbers in NUMBA)
+        raise EvacError(f'numba {found} cannot compile the kernels of evac; run: pip install "numba>={least},<{above}"')
     with chdir(Path(__file__).parent):  # numba reads settings from a file of the current folder
         from evac.jit.compiler import compile_entry
 

@@ -1,13 +1,16 @@
 """The parser, errors, and what is imported."""
 
 import os
+import platform
 import subprocess
 import sys
+from importlib.metadata import version
 
 import pytest
 
 from evac.base.errors import SimulationError
 from evac.cli.main import COMMANDS, main
+from evac.cli.screen import PACKAGES
 
 
 def test_help_names_every_command(capsys):
@@ -15,6 +18,16 @@ def test_help_names_every_command(capsys):
         main(["--help"])
     out = capsys.readouterr().out
     assert all(f"    {name}" in out for name in COMMANDS)
+
+
+def test_the_version_names_what_a_report_of_a_fault_needs(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["--version"])
+    own, packages, python, system = capsys.readouterr().out.splitlines()
+    assert own == f"evac {version('evac')}"
+    assert packages.split(", ") == [f"{name} {version(name)}" for name in PACKAGES]
+    assert python.startswith(f"Python {platform.python_version()}")
+    assert system == platform.platform()
 
 
 def test_wrong_words_give_status_2(capsys):

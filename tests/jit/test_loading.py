@@ -1,17 +1,19 @@
 """From entries to machine code: what is compiled, where, and what happens if it cannot be kept."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import textwrap
 import time
+from importlib.metadata import requires
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from evac.base.errors import CacheWarning
+from evac.base.errors import CacheWarning, EvacError
 from evac.contract.registry import _module_of
 from evac.jit import loading, store
 from evac.jit.digest import digest_of
@@ -76,6 +78,16 @@ def test_settings_of_numba_in_the_current_folder_neither_steer_nor_break_compila
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=True)
     assert done.stdout.split() == ["25.0", "0"]
     assert len(list(own_cache.glob("*"))) >= 1
+
+
+def test_versions_of_numba_that_are_not_tried_are_refused_with_the_command_that_installs_one(plugin, monkeypatch):
+    least, above = (".".join(map(str, numbers)) for numbers in loading.NUMBA)
+    (required,) = (one for one in requires("evac") if one.startswith("numba"))
+    assert required == f"numba<{above},>={least}"
+    for other in (above + ".0rc1", "0.61.2"):
+        monkeypatch.setattr(loading, "version", lambda _, other=other: other)
+        with pytest.raises(EvacError, match=re.escape(f'pip install "numba>={least},<{above}"')):
+            addresses_of(entries_of(plugin), None)
 
 
 @pytest.fixture
