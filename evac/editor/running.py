@@ -27,39 +27,33 @@ from evac.trajectory.trajectory import Trajectory, continued, read_trajectory
 SHOWN = (REPLAY_NAME, REPORT_NAME)
 
 
-class Runner:
-    """Starts and stops commands that write a result folder, and tells what is going on there.
+class Command:
+    """A command that writes a result folder, in a process of its own, which goes on when `evac edit` ends.
 
-    The commands are processes of their own, which go on when the page is closed and when `evac edit` ends; a later
-    `evac edit` finds a run by the lock of its folder.
+    A later `evac edit` finds one that goes on by the lock of its folder.
     """
 
-    def __init__(self, case_file: Path, folder: Path) -> None:
-        self.case_file, self.folder = case_file, folder.absolute()
-        self._running = running_beside(self.folder)
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder.absolute()
+        self.running = running_beside(self.folder)
         self._lock = self.folder.with_name(f"{self.folder.name}.lock")
         self._place = tempfile.TemporaryDirectory()
         self._output = Path(self._place.name) / "output.txt"
         self._process: subprocess.Popen[bytes] | None = None
-        self._trajectory: Trajectory | None = None
-        self._first: tuple[float, Progress] | None = None  # when it was seen [s], and what
-        self._ended: tuple[Any, dict[str, Any]] = (None, {})
 
-    def start(self, command: str) -> None:
-        """Start ``evac run`` on the case, or ``evac report`` on its result.
+    def start(self, *arguments: str) -> None:
+        """Start a command of evac.
 
         Raises
         ------
         ResultError
-            Another command writes the result, or there is none to report on.
+            Another command writes the result.
         """
-        arguments = {"run": [str(self.case_file), "--out", str(self.folder)], "report": [str(self.folder)]}[command]
-        if self._holder() is not None:
+        if self.holder() is not None:
             raise ResultError(f"{self.folder}: is being written; wait until this has ended, or stop it")
-        self._trajectory = self._first = None
         with self._output.open("wb") as output:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "evac", command, *arguments],
+                [sys.executable, "-m", "evac", *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
@@ -67,13 +61,55 @@ class Runner:
             )
 
     def stop(self) -> None:
-        """Stop the command that writes the result at the end of its tick, after which a run can be resumed."""
-        if (process := self._holder()) is not None:
+        """Stop the command that writes the result; a run ends at the end of its tick, and can be resumed."""
+        if (process := self.holder()) is not None:
             os.kill(process, signal.SIGTERM)  # which shells do not have ignored in the background, unlike SIGINT
 
     def close(self) -> None:
-        """Forget what commands have printed; one that runs goes on."""
+        """Forget what the command has printed; one that runs goes on."""
         self._place.cleanup()
+
+    def holder(self) -> int | None:
+        """Return the process that writes the result."""
+        if self._process is not None and self._process.poll() is None:
+            return self._process.pid
+        return holder_here(self._lock)
+
+    def failure(self) -> str:
+        """Return why the command that was started here has failed; empty if it has not, or was stopped."""
+        status = 0 if self._process is None else self._process.returncode
+        if status in (0, 3, -signal.SIGTERM) or status >= 128:  # from 128 on, it was stopped
+            return ""
+        text = "\n".join(line for line in self.lines() if line.startswith("evac: "))
+        return text or f"the command ended with status {status}"
+
+    def lines(self) -> list[str]:
+        """Return the last lines that the command has printed."""
+        text = self._output.read_text(errors="replace") if self._output.exists() else ""
+        return [line for line in text.splitlines() if line.strip()]
+
+
+class Runner(Command):
+    """Starts and stops `evac run` and `evac report`, and tells what is in their folder, whoever has written it."""
+
+    def __init__(self, case_file: Path, folder: Path) -> None:
+        super().__init__(folder)
+        self.case_file = case_file
+        self._trajectory: Trajectory | None = None
+        self._first: tuple[float, Progress] | None = None  # when it was seen [s], and what
+        self._ended: tuple[Any, dict[str, Any]] = (None, {})
+
+    def begin(self, command: str) -> None:
+        """Start ``run`` on the case, or ``report`` on its result.
+
+        Raises
+        ------
+        ResultError
+            Another command writes the result.
+        """
+        self._trajectory = self._first = None
+        arguments = {"run": [str(self.case_file), "--out", str(self.folder)], "report": [str(self.folder)]}[command]
+        self.start(command, *arguments)
 
     def file(self, name: str) -> bytes | None:
         """Return a file of the result that the page links to, if evac has written it."""
@@ -81,12 +117,10 @@ class Runner:
 
     def state(self) -> dict[str, Any]:
         """Return what goes on: ``phase`` is none, running, failed or ended, with what the page shows of it."""
-        if self._holder() is not None:
+        if self.holder() is not None:
             return {"phase": "running", **self._progress()}
-        status = 0 if self._process is None else self._process.returncode
-        if status not in (0, 3) and status < 128:  # from 128 on, it was stopped
-            text = "\n".join(line for line in self._lines() if line.startswith("evac: "))
-            return {"phase": "failed", "text": text or f"the command ended with status {status}"}
+        if text := self.failure():
+            return {"phase": "failed", "text": text}
         try:
             written = (self.folder / SUMMARY_NAME).stat().st_mtime_ns, self._files()
         except OSError:
@@ -94,12 +128,6 @@ class Runner:
         if written != self._ended[0]:
             self._ended = written, self._outcome()
         return self._ended[1]
-
-    def _holder(self) -> int | None:
-        """Return the process that writes the result."""
-        if self._process is not None and self._process.poll() is None:
-            return self._process.pid
-        return holder_here(self._lock)
 
     def _files(self) -> list[str]:
         manifest = read_manifest(self.folder)
@@ -118,12 +146,12 @@ class Runner:
         """Return how far a run is, in words, and where people are by storey."""
         try:
             if self._trajectory is None:
-                self._trajectory = read_trajectory(self._running / TRAJECTORY_NAME)
+                self._trajectory = read_trajectory(self.running / TRAJECTORY_NAME)
             self._trajectory = trajectory = continued(self._trajectory)
             frame = trajectory[-1]
         except (EvacError, IndexError):  # nothing is recorded yet, or the folder of the run has just been renamed
             self._trajectory = None
-            return {"text": (self._lines() or ["starting"])[-1].removeprefix("evac: "), "people": {}}
+            return {"text": (self.lines() or ["starting"])[-1].removeprefix("evac: "), "people": {}}
         out, duration = trajectory.out_at(len(trajectory) - 1), self._duration()
         now = Progress(frame["time"], duration, trajectory.number_of_people, out)
         seen, first = self._first = self._first or (time.perf_counter(), now)
@@ -136,11 +164,6 @@ class Runner:
         if self._first is not None:
             return self._first[1].duration
         return float(load_case(self.case_file).simulation.duration)
-
-    def _lines(self) -> list[str]:
-        """Return the last lines that the command has printed."""
-        text = self._output.read_text(errors="replace") if self._output.exists() else ""
-        return [line for line in text.splitlines() if line.strip()]
 
 
 def _storeys(trajectory: Trajectory) -> list[str]:

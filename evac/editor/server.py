@@ -9,8 +9,8 @@ import tempfile
 import threading
 import time
 import webbrowser
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from functools import cached_property, partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -23,8 +23,8 @@ from evac.replay.writer import PAGE as REPLAY
 PAGE = Path(__file__).with_name("page")
 #: Modules of the page of the replay that this one is made of, too.
 SHARED = (
-    *("camera", "colours", "controls", "layout", "meshes", "section", "shaders", "stage", "run/density"),
-    "panel",
+    *("camera", "chart", "colours", "controls", "layout", "meshes", "section", "shaders", "stage"),
+    *("run/density", "panel"),
 )
 TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "json": "application/json"}
 HEADERS = {
@@ -159,17 +159,8 @@ class _Handler(BaseHTTPRequestHandler):
                 self._answer(lambda: self._begun(*arguments))
             elif session is None:
                 self._refuse(404, "nothing is edited yet")
-            elif name == "check":
-                request = Request(str(given["page"]), int(given["revision"]), dict(given["table"]))
-                self._answer(lambda: session.check(request))
-            elif name == "save":
-                table, digest = dict(given["table"]), str(given["digest"])
-                self._answer(lambda: session.save(table, digest))
-            elif name == "curve":
-                value = given["value"]
-                self._answer(lambda: session.curve(value))
-            elif name in ("run", "report", "stop"):
-                self._answer(lambda: session.command(name))
+            elif name in (orders := _orders(session, given)):
+                self._answer(orders[name])
             else:
                 self._refuse(404, "there is no such page")
         except (ValueError, KeyError, TypeError, RecursionError):
@@ -240,7 +231,8 @@ class _Handler(BaseHTTPRequestHandler):
         told = queue.Queue[tuple[str, Any]]()
         self.close_connection = True
         session.listeners.append(told)
-        told.put(("run", session.run))
+        for one in session.told.items():
+            told.put(one)
         try:
             self._head(200, "text/event-stream", {})
             while not session.is_over.is_set():
@@ -254,3 +246,15 @@ class _Handler(BaseHTTPRequestHandler):
             pass  # the page was closed
         finally:
             session.listeners.remove(told)
+
+
+def _orders(session: Session, given: Mapping[str, Any]) -> dict[str, Callable[[], Any]]:
+    """Return what pages can have done, by name, with what one has given for it."""
+    return {
+        "check": lambda: session.check(Request(str(given["page"]), int(given["revision"]), dict(given["table"]))),
+        "save": lambda: session.save(dict(given["table"]), str(given["digest"])),
+        "curve": lambda: session.curve(given["value"]),
+        "compare": lambda: session.compare([str(name) for name in given["designs"]]),
+        "repeat": lambda: session.command("repeat", str(given["name"]), int(given["runs"])),
+        **{name: partial(session.command, name) for name in ("run", "report", "stop", "stop-runs")},
+    }

@@ -25,6 +25,7 @@ from evac.case.jsonschema import case_schema
 from evac.case.loading import load_case
 from evac.case.schema import shipped_presets
 from evac.contract.registry import Registry
+from evac.editor.designs import Designs
 from evac.editor.judging import judge
 from evac.editor.patching import patched
 from evac.editor.running import Runner
@@ -74,6 +75,7 @@ class Session:
         self.case_file: Path | None = None
         self.registry = Registry()
         self.runner: Runner | None = None
+        self.designs: Designs | None = None
         if source.name.lower().endswith(PLAN):
             self.file, self.title = source.resolve(), source.name
         else:
@@ -87,8 +89,10 @@ class Session:
                     f"{case.source}: the building is {case.building.mesh!r}, which is no plan; a plan ({PLAN}), or a "
                     "[building.plan] in the case, can be edited: `evac new FOLDER` writes one"
                 )
-            self.runner = Runner(case.source, result or Path(f"{case.name}-result"))
-        self.run: dict[str, Any] = {"phase": "none"}  # as it was told last
+            result = result or Path(f"{case.name}-result")
+            self.runner = Runner(case.source, result)
+            self.designs = Designs(case.source, result.with_name(f"{result.name.removesuffix('-result')}-runs"))
+        self.told: dict[str, Any] = {"run": {"phase": "none"}, "designs": {"designs": []}}  # last
         self.journal = self.file.with_name(self.file.name + JOURNAL)
         self.listeners: list[queue.Queue[tuple[str, Any]]] = []
         self.is_over = threading.Event()
@@ -167,23 +171,46 @@ class Session:
         self.tell("saved", {"digest": _digest(new)})
         return {"difference": _difference(texts, new), "digest": _digest(new)}
 
-    def command(self, what: str) -> dict[str, Any]:
-        """Start ``run`` or ``report``, or ``stop`` what writes the result; return the state of the run.
+    def command(self, what: str, name: str = "", runs: int = 0) -> dict[str, Any]:
+        """Start ``run`` or ``report``, or ``repeat`` for a design, or stop them; return what is told of it then.
+
+        `what` may be ``stop`` for the run, and ``stop-runs`` for those of a design, whose `name` and number of `runs`
+        are given.
 
         Raises
         ------
         EvacError
             A plan file was opened, which is no case, or the result is being written.
         """
-        if self.runner is None:
+        if self.runner is None or self.designs is None:
             raise ScenarioError(f"{self.file}: is a plan, not a case; open a case with it: `evac edit CASE`")
         if what == "stop":
             self.runner.stop()
+        elif what == "stop-runs":
+            self.designs.stop()
+        elif what == "repeat":
+            self.designs.start(name, runs)
         else:
-            self.runner.start(what)
-        self.run = self.runner.state()
-        self.tell("run", self.run)
-        return self.run
+            self.runner.begin(what)
+        self._tell_runs()
+        return self.told
+
+    def compare(self, names: list[str]) -> dict[str, Any]:
+        """Return what designs differ in.
+
+        Raises
+        ------
+        EvacError
+            There are no such designs, or they cannot be compared.
+        """
+        return {} if self.designs is None else self.designs.compared(names)
+
+    def _tell_runs(self) -> None:
+        """Tell the pages what is new of the run and of those of designs."""
+        for name, what in (("run", self.runner), ("designs", self.designs)):
+            if what is not None and (state := what.state()) != self.told[name]:
+                self.told[name] = state
+                self.tell(name, state)
 
     def tell(self, event: str, data: Any) -> None:
         """Send an event to all pages."""
@@ -193,8 +220,9 @@ class Session:
     def close(self) -> None:
         """End the processes, except a run, which goes on."""
         self.is_over.set()
-        if self.runner is not None:
-            self.runner.close()
+        for runs in (self.runner, self.designs):
+            if runs is not None:
+                runs.close()
         with self._lock:
             self._lock.notify()
         if self._pool is not None:
@@ -273,9 +301,8 @@ class Session:
         """Tell pages when the file on the disk changes, and how the run goes on."""
         while not self.is_over.wait(LOOK_EVERY):
             with suppress(EvacError, OSError):  # what is written just now is read the next time
-                if self.runner is not None and self.listeners and (state := self.runner.state()) != self.run:
-                    self.run = state
-                    self.tell("run", state)
+                if self.listeners:
+                    self._tell_runs()
             with suppress(OSError, UnicodeDecodeError):
                 files = dict.fromkeys([self.file, self.case_file or self.file])
                 now = _digest({file: content_of(file).decode() for file in files})

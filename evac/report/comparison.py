@@ -126,11 +126,18 @@ class Comparison:
         """Return the curves of people out over time, means and bands over the runs of each design, as a figure."""
         from evac.pictures.pictures import designs_figure
 
+        return designs_figure("", self.people, self.curves())
+
+    @property
+    def people(self) -> int:
+        """Greatest number of people of all runs."""
+        return max(len(times) for design in self.designs for times in design.exit_times)
+
+    def curves(self) -> dict[str, dict[str, FloatArray]]:
+        """Return the time, and the mean and percentiles over runs of the people out by then, of each design."""
         end = max(most_of(times[np.isfinite(times)]) for design in self.designs for times in design.exit_times)
         time = np.linspace(0.0, 1.02 * max(end, 1e-9), SAMPLES)
-        people = max(len(times) for design in self.designs for times in design.exit_times)
-        curves = {design.label: out_over_runs(time, design.exit_times) for design in self.designs}
-        return designs_figure("", people, curves)
+        return {design.label: out_over_runs(time, design.exit_times) for design in self.designs}
 
     def page(self) -> str:
         """Return the comparison as a page of HTML, which needs no other file."""

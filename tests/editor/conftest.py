@@ -4,6 +4,7 @@ import importlib.util
 import shutil
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,19 @@ def fire(tmp_path):
     """A case that holds its plan."""
     shutil.copytree(Path(__file__).parents[2] / "buildings/office_fire", tmp_path / "fire")
     return tmp_path / "fire"
+
+
+@pytest.fixture
+def eventually():
+    """A function that waits until something is so."""
+
+    def waiting(is_so, seconds=120):
+        end = time.monotonic() + seconds
+        while not is_so():
+            assert time.monotonic() < end
+            time.sleep(0.05)
+
+    return waiting
 
 
 @pytest.fixture

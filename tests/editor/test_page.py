@@ -221,6 +221,27 @@ def test_the_case_is_saved_and_run_and_its_people_are_seen(page):
     page.browser.wait("Number(document.getElementById('slider').value) === 5")
 
 
+def test_designs_are_made_and_compared(page, monkeypatch):
+    designs = page.server.session.designs
+    first = ["repeat", str(page.server.session.case_file), "--runs", "1", "--jobs", "1", "--seed", "1"]
+    assert main([*first, "--out", str(designs.folder) + "-A", "--set", "output.picture=false"]) == 0
+    page.browser.wait("document.querySelectorAll('#designs li').length === 1")
+    page.run("document.querySelector('#designs input').click()")
+    page.click((8.1, 2.5))
+    page.type("Width", "0.7")
+    page.run("document.getElementById('design-runs').value = 1")
+    assert page.run("document.getElementById('design-name').value") == "B"
+    page.press("make-button")
+    page.browser.wait("document.querySelectorAll('#designs li').length === 2", 120)
+    assert evac.read_study(str(designs.folder) + "-B").building().doors[0].width == pytest.approx(0.7)
+    page.press("compare")
+    page.browser.wait("document.getElementById('compared').open")
+    rows = [one.split("\t")[:2] for one in page.text("#differences").splitlines()[1:]]
+    assert next(row for row in rows if len(row) > 1) == ["B", "evacuation time"]
+    assert page.run("document.querySelectorAll('#curves .band').length") == 2
+    page.run("document.getElementById('compared').close()")
+
+
 def test_groups_events_and_behaviours_are_changed_in_the_case(page):
     case = page.server.session.case_file
     before = tomllib.loads(case.read_text())

@@ -43,9 +43,9 @@ def awaited(runner, is_so, seconds=120):
 def test_a_run_ends_with_its_answer_and_files(runners, tmp_path):
     runner = runners()
     assert runner.state() == {"phase": "none"}
-    runner.start("run")
+    runner.begin("run")
     with pytest.raises(ResultError, match="being written"):
-        runner.start("run")
+        runner.begin("run")
     ended = awaited(runner, lambda state: state["phase"] != "running")
     results = evac.read_results(tmp_path / "result")
     assert ended["phase"] == "ended"
@@ -61,7 +61,7 @@ def test_a_run_is_found_again_and_stopped_by_another_one(house, runners, tmp_pat
     text = re.sub(r"uniform = \[0.0, 10.0\]", "uniform = [2e4, 2.1e4]", case.read_text())
     case.write_text(text.replace("duration = 300.0", "duration = 3e4"))
     first, second = runners(), runners()
-    first.start("run")
+    first.begin("run")
     state = awaited(second, lambda state: state.get("people") and "ETA" in state["text"])
     assert {name: len(at) // 2 for name, at in state["people"].items()} == {"ground": 15, "first": 10}
     second.stop()
@@ -82,7 +82,7 @@ def test_a_run_that_is_refused_says_why(house, runners):
     case = house / "case.toml"
     case.write_text(case.read_text().replace('area = "office"', 'area = "offise"'))
     runner = runners()
-    runner.start("run")
+    runner.begin("run")
     failed = awaited(runner, lambda state: state["phase"] != "running")
     assert failed["phase"] == "failed"
     assert "'offise'" in failed["text"]

@@ -157,7 +157,7 @@ async function start() {
     },
   };
   const forms = isCase ? new Forms(store, act, declared) : null, inspector = new Inspector(store, view, act, forms);
-  const tools = new Tools(store, view, act), running = new Running(view, act, isCase);
+  const tools = new Tools(store, view, act), running = new Running(view, act, isCase), designs = isCase ? new Designs(act) : null;
   view.tools = tools;
 
   function changed() {
@@ -250,6 +250,7 @@ async function start() {
     const events = new EventSource("events"), on = (name, take) => events.addEventListener(name, ({ data }) => take(JSON.parse(data)));
     on("judged", showJudged);
     on("run", (state) => running.show(state));
+    on("designs", (state) => designs?.show(state));
     on("saved", ({ digest: now }) => { onDisk = now; });
     on("changed", ({ digest: now }) => { if (now !== digest) { onDisk = now; warnOfFile(); } });
     events.addEventListener("error", () => { act.say("evac edit does not answer"); isAsked = false; });

@@ -19,7 +19,7 @@ class Running {
 
   async order(what) {
     try {
-      this.show(await ask(what, {}));
+      this.show((await ask(what, {})).run);
     } catch (error) {
       this.act.warn(error.message);
     }
