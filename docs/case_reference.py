@@ -1,7 +1,6 @@
-"""Write the reference of case.toml, generated from the schema, into its page: ``python docs/case_reference.py``."""
+"""The reference of case.toml, generated from the schema."""
 
 import types
-from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic.fields import FieldInfo
@@ -12,9 +11,6 @@ from evac.base.toml import toml_value
 from evac.case.case import Case
 from evac.case.schema import DESCRIPTION, GroupSettings, PeopleSettings, shipped_presets
 from evac.people.starts import load_table
-
-#: Title of the first table of the reference, which is the end of its page.
-FIRST = "At the top of the file"
 
 #: Meaning of the numbers of a distribution where it is often mistaken.
 NOTES = {
@@ -38,7 +34,12 @@ WORDS: dict[Any, str] = {
 
 def reference() -> str:
     """Return every key of case.toml with its type, unit, default and meaning, as Markdown, by table."""
-    return "\n\n".join([_table(Case, "", FIRST), *_tables(Case, ""), _distributions(), _presets(), _loads()]) + "\n"
+    return (
+        "\n\n".join(
+            [_table(Case, "", "At the top of the file"), *_tables(Case, ""), _distributions(), _presets(), _loads()]
+        )
+        + "\n"
+    )
 
 
 def _tables(table: type[Table], path: str) -> list[str]:
@@ -136,9 +137,3 @@ def _distributions() -> str:
         "With `minimum` and `maximum`, values outside are drawn again. The values of `list` are used in order, "
         "one for each person.\n\n| name | numbers |\n|---|---|\n" + "\n".join(rows)
     )
-
-
-if __name__ == "__main__":
-    page = Path(__file__).with_name("case.md")
-    before, _, _ = page.read_text(encoding="utf-8").partition(f"### {FIRST}\n")
-    page.write_text(before + reference(), encoding="utf-8")

@@ -1,7 +1,9 @@
 """Configuration of the documentation site: ``sphinx-build -W docs site``."""
 
+import importlib
 import importlib.metadata
 import shutil
+import sys
 import tempfile
 from pathlib import Path
 
@@ -10,6 +12,9 @@ from docutils import nodes
 from sphinx.errors import ExtensionError
 
 import evac
+
+sys.path.insert(0, str(Path(__file__).parent))
+filled = importlib.import_module("tables").filled
 
 project = "evac"
 author = "the evac developers"
@@ -72,6 +77,11 @@ def _give_captions_a_level(app, page, template, context, doctree):
     context["furo_navigation_tree"] = contents.replace('role="heading"', 'role="heading" aria-level="2"')
 
 
+def _fill(app, name, source):
+    """Put the tables that the code knows in the places of their marks."""
+    source[0] = filled(source[0])
+
+
 def _write_replay(app, exception):
     """Write the replay that the first page shows."""
     if exception is None and app.builder.format == "html":
@@ -87,5 +97,6 @@ def setup(app):
         (lambda translator, node: _formula(translator, node, "inline"), None),
         (lambda translator, node: _formula(translator, node, "block"), None),
     )
+    app.connect("source-read", _fill)
     app.connect("html-page-context", _give_captions_a_level, priority=600)  # after the theme
     app.connect("build-finished", _write_replay)

@@ -1,9 +1,15 @@
+import importlib
 import re
+import sys
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
+
+#: The folder of the pages, where the modules are that make their tables.
+sys.path.insert(0, str(ROOT / "docs"))
+MARK, filled, table = (getattr(importlib.import_module("tables"), name) for name in ("MARK", "filled", "table"))
 
 
 @pytest.fixture(scope="session")

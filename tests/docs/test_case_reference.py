@@ -1,16 +1,9 @@
-import importlib.util
-from pathlib import Path
-
 import pytest
 
 from evac.base.distributions import KINDS
 from evac.base.keys import table_of
 from evac.case.case import Case
-
-_spec = importlib.util.spec_from_file_location("case_reference", Path(__file__).parents[2] / "docs/case_reference.py")
-case_reference = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(case_reference)
-reference = case_reference.reference
+from tests.docs.conftest import table
 
 
 def tables(table=Case):
@@ -21,14 +14,10 @@ def tables(table=Case):
             yield from tables(inner)
 
 
-def test_the_page_has_the_generated_reference(root):
-    assert (root / "docs/case.md").read_text(encoding="utf-8").endswith("\n\n" + reference())
-
-
 def test_every_key_stands_in_the_reference_with_its_meaning():
-    text = reference()
-    for table in tables():
-        for name, field in table.model_fields.items():
+    text = table("case")
+    for declared in tables():
+        for name, field in declared.model_fields.items():
             if table_of(field.annotation) is None:
                 rows = [row for row in text.splitlines() if row.startswith(f"| `{field.alias or name}` |")]
                 assert any(field.description in row for row in rows), name
@@ -46,16 +35,16 @@ def test_every_key_stands_in_the_reference_with_its_meaning():
     ],
 )
 def test_a_key_is_written_with_type_unit_and_default(line):
-    assert line in reference().splitlines()
+    assert line in table("case").splitlines()
 
 
 def test_every_distribution_is_listed():
     for name, numbers in KINDS.items():
-        assert f"| `{name}` | {', '.join(numbers)}" in reference()
+        assert f"| `{name}` | {', '.join(numbers)}" in table("case")
 
 
 def test_every_quantity_has_a_unit():
-    text = reference()
+    text = table("case")
     for name in ("weld", "spacing", "mass", "tau", "speed", "tick", "every", "positions"):
         row, *_ = [row for row in text.splitlines() if row.startswith(f"| `{name}` |")]
         assert row.split("|")[3].strip(), name
