@@ -3,6 +3,7 @@
 import argparse
 import math
 import signal
+import subprocess
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,6 +36,8 @@ def declare_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder (default: ./CASE-result)")
     what = "compute also the parts that the case does not need: slower, with the same trajectories"
     parser.add_argument("--full", action="store_true", help=what)
+    watch = "open the page of `evac edit` in the browser, on which people move while the run is computed"
+    parser.add_argument("--watch", action="store_true", help=watch)
     parser.add_argument("--vtk", action="store_true", help="write the VTK animation as well (output.animation=true)")
     declare_checkpoint(parser, "none")
     declare_verbose(parser)
@@ -63,6 +66,8 @@ def execute_run(arguments: argparse.Namespace) -> int:
     with Display() as display:
         display.phase("reading the case")
         case = case_to_run(arguments)
+        if arguments.watch:
+            display.line(_watched(case.source, arguments.out or default_folder(case)))
         if arguments.vtk:
             case = case.change({"output.animation": True})
         from evac.folder.resultfolder import ResultFolder
@@ -79,6 +84,17 @@ def execute_run(arguments: argparse.Namespace) -> int:
             results, status = run_shown(simulation, place, display, arguments.checkpoint)
     show_run(results, arguments.verbose)
     return status
+
+
+def _watched(case_file: Path, folder: Path) -> str:
+    """Open the page on a run in a process of its own, which ends some time after the page is closed; return a line."""
+    command = [sys.executable, "-m", "evac", "edit", str(case_file), "--out", str(folder)]
+    null = subprocess.DEVNULL  # so that nobody who reads what the run prints waits for the page
+    page = subprocess.Popen(command, stdin=null, stdout=subprocess.PIPE, stderr=null, start_new_session=True)
+    assert page.stdout is not None
+    with page.stdout:
+        address = next((line.split()[-1].decode() for line in page.stdout if line.startswith(b"address")), None)
+    return f"the run is shown at {address}" if address else f"no page is shown: evac edit {case_file} tells why"
 
 
 def _seconds(text: str) -> float:

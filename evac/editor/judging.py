@@ -22,15 +22,16 @@ from evac.contract.registry import Registry
 from evac.people.groups import check_people
 from evac.people.places import with_places
 from evac.replay.geometry import building_for_page
-from evac.simulation.assembly import read_storeys
+from evac.simulation.assembly import make_building, read_storeys
 
 
 def judge(
-    file: Path, case_file: Path | None, table: Mapping[str, Any], content: Mapping[str, Any] | None
+    file: Path, case_file: Path | None, table: Mapping[str, Any] | None, content: Mapping[str, Any] | None
 ) -> dict[str, Any]:
     """Return the findings about a plan as `evac check` numbers them, and the building for the page if there is one.
 
-    `file`: where the plan is; `case_file`: the case that uses it, and `content`: what is in it.
+    `file`: where the plan is; `case_file`: the case that uses it, and `content`: what is in it. Without a `table` the
+    building of the case is no plan.
     """
     start, told, building = time.perf_counter(), list[Finding](), None
     case, options, registry = None, BuildingOptions(), Registry()
@@ -41,12 +42,14 @@ def judge(
     except EvacError as error:
         told += _told(error, case_file)
     try:
-        surface = read_storeys(
-            plan_of(table, file, file.parent, "building.plan." if file == case_file else ""), registry
-        ).surface()
-        building = build_building(surface, file, options, need_exit=False)
-        told += [*building.findings, *check_exits(building)]
-        if case is not None:
+        if table is not None:
+            plan = plan_of(table, file, file.parent, "building.plan." if file == case_file else "")
+            building = build_building(read_storeys(plan, registry).surface(), file, options, need_exit=False)
+            told += [*building.findings, *check_exits(building)]
+        elif case is not None:
+            building = make_building(case)
+            told += building.findings
+        if case is not None and building is not None:
             check_people(case, with_places(case, building))
     except EvacError as error:
         found = error.findings if isinstance(error, BuildingError) else ()
@@ -64,6 +67,13 @@ def judge(
 
 def _told(error: EvacError, source: Path | None) -> tuple[Finding, ...]:
     return tuple(Finding("error", line.removeprefix(f"{source}: ")) for line in str(error).splitlines())
+
+
+def floors_of(building: Building) -> list[dict[str, Any]]:
+    """Return name and height of the storeys of a building that is no plan."""
+    floors = [level for level in building.levels if level.kind == "floor"]
+    lowest = sorted(floors, key=lambda level: level.z_min)
+    return [{"name": name, "z": z} for name, z in {PART.sub("", one.name): one.z_min for one in lowest[::-1]}.items()]
 
 
 def _drawn(building: Building) -> dict[str, Any]:
@@ -85,7 +95,11 @@ def _drawn(building: Building) -> dict[str, Any]:
                 for one in building.doors
             ],
             "exits": [
-                {"name": one.name, "storey": storeys[one.level], "ends": np.round(one.segments, 3).tolist()}
+                {
+                    "name": one.name,
+                    "storey": storeys[one.level],
+                    "ends": np.round(one.segments, 3).reshape(-1, 4).tolist(),
+                }
                 for one in building.exits
             ],
         },

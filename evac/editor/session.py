@@ -26,11 +26,12 @@ from evac.case.loading import load_case
 from evac.case.schema import shipped_presets
 from evac.contract.registry import Registry
 from evac.editor.designs import Designs
-from evac.editor.judging import judge
+from evac.editor.judging import floors_of, judge
 from evac.editor.patching import patched
 from evac.editor.running import Runner
 from evac.folder.files import content_of, replacing
 from evac.folder.textfiles import plain, write_json
+from evac.simulation.assembly import make_building
 
 #: Ending of the name of the journal, which is beside the file.
 JOURNAL = ".unsaved"
@@ -56,7 +57,9 @@ class Request:
 
 
 class Session:
-    """A plan file, or a case whose building is a plan, that pages edit: a table of the plan, with the rest as ``case``.
+    """A plan file or a case that pages edit: a table of the plan, with the rest as ``case``.
+
+    Of a case whose building is no plan, such as a mesh, the case is edited, and the building is shown.
 
     Parameters
     ----------
@@ -68,12 +71,13 @@ class Session:
     Raises
     ------
     EvacError
-        There is no such file, it is not valid, or the building of the case is not a plan.
+        There is no such file, or it is not valid.
     """
 
     def __init__(self, source: Path, result: Path | None = None) -> None:
         self.case_file: Path | None = None
         self.registry = Registry()
+        self._floors: list[dict[str, Any]] | None = None  # of a building that is no plan, which is not drawn
         self.runner: Runner | None = None
         self.designs: Designs | None = None
         if source.name.lower().endswith(PLAN):
@@ -85,10 +89,7 @@ class Session:
             if case.mesh is not None and case.mesh.name.lower().endswith(PLAN):
                 self.file = case.mesh.resolve()
             elif case.building.plan is None:
-                raise ScenarioError(
-                    f"{case.source}: the building is {case.building.mesh!r}, which is no plan; a plan ({PLAN}), or a "
-                    "[building.plan] in the case, can be edited: `evac new FOLDER` writes one"
-                )
+                self._floors = floors_of(make_building(case))
             result = result or Path(f"{case.name}-result")
             self.runner = Runner(case.source, result)
             self.designs = Designs(case.source, result.with_name(f"{result.name.removesuffix('-result')}-runs"))
@@ -108,6 +109,7 @@ class Session:
         """Return what is edited as the page gets it, the digest of the files, and what the journal has."""
         texts, table = self._read()
         found = {"title": self.title, "file": self.file.name, "digest": _digest(texts), "table": plain(table)}
+        found["is_drawn"] = self._floors is None
         with suppress(OSError, ValueError, KeyError):
             journal = json.loads(content_of(self.journal))
             found["unsaved"] = {"table": journal["table"], "of_this_file": journal["digest"] == found["digest"]}
@@ -239,6 +241,8 @@ class Session:
         if self.case_file is None:
             return texts, contents[self.file]
         case = contents[self.case_file]
+        if self._floors is not None:
+            return texts, {"storeys": self._floors, "case": case}
         if self.file == self.case_file:
             building = case.get("building", {})
             case = case | {"building": {key: value for key, value in building.items() if key != "plan"}}
@@ -251,6 +255,8 @@ class Session:
         if self.case_file is None:
             return {self.file: plan}
         case = table["case"]
+        if self._floors is not None:
+            return {self.file: case}
         if self.file == self.case_file:
             return {self.file: {**case, "building": {**case["building"], "plan": plan}}}
         return {self.file: plan, self.case_file: case}
@@ -281,7 +287,8 @@ class Session:
             contents = self._contents(request.table)
             plan = {key: value for key, value in request.table.items() if key != "case"}
             case = None if self.case_file is None else contents[self.case_file]
-            future = self._pool.submit(judge, self.file, self.case_file, plan, case)
+            drawn = plan if self._floors is None else None
+            future = self._pool.submit(judge, self.file, self.case_file, drawn, case)
             if not is_awaited:
                 return {}
             found: dict[str, Any] = plain(future.result())

@@ -2,10 +2,12 @@
 
 import csv
 import json
+import re
 import signal
 import subprocess
 import sys
 import time
+from urllib.request import urlopen
 
 import numpy as np
 
@@ -47,6 +49,28 @@ def test_people_who_are_left_are_told_once(evac, capsys):
     words = ("simulation.duration=1.0", "output.picture=false", "output.animation=false")
     assert evac("run", "square_room", "--set", *words) == 3
     assert capsys.readouterr().err.count("still inside") == 1
+
+
+def test_a_watched_run_is_shown_on_a_page(evac, capsys, monkeypatch):
+    pages = []
+
+    class Page(subprocess.Popen):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            pages.append(self)
+
+    monkeypatch.setenv("BROWSER", sys.executable)  # which ends at once
+    monkeypatch.setattr(subprocess, "Popen", Page)
+    assert evac("run", "square_room", "--watch", "--set", "simulation.duration=1.0", "output.replay=false") == 3
+    address = re.search(r"http://127\.0\.0\.1:\d+/\S+", capsys.readouterr().err)[0]
+    with urlopen(f"{address}document") as answer:
+        shown = json.load(answer)
+    assert (shown["file"], shown["is_drawn"]) == ("case.toml", False)
+    with urlopen(f"{address}events") as events:
+        while not (line := events.readline()).startswith(b'data: {"phase": "ended"'):
+            assert line
+    pages[0].kill()
+    pages[0].wait()
 
 
 PLUGIN = """

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import threading
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -523,6 +524,32 @@ def test_unsaved_work_is_here_again_after_the_end_of_the_server(page):
     page.press("save")
     page.browser.wait("document.getElementById('banner-text').textContent.includes('start it again')")
     page.browser.errors = [one for one in page.browser.errors if "ERR_" not in one]
+
+
+def test_the_people_of_a_mesh_are_edited_but_not_its_building(browser, serve, tmp_path):
+    shutil.copytree(Path(__file__).parents[2] / "buildings/square_room", tmp_path / "room")
+    server = serve(tmp_path / "room")
+    page = Page(browser, server)
+    assert page.run("editor.view.judged.segments.exits.length") > 0
+    assert page.run("[...document.querySelectorAll('#tools button')].map(({ value }) => value)") == [
+        "select",
+        "measure",
+    ]
+    before = page.plan
+    page.keys("r", "Delete", "d")
+    page.drag((1, 1), (3, 3))
+    assert page.plan == before
+    page.run("document.querySelector('#people button').click()")
+    page.type("Number", "3")
+    page.judged()
+    assert page.text("#verdict") == "Can be run"
+    page.keys("s", modifiers=CONTROL)
+    page.browser.wait("document.getElementById('saved').textContent === 'Saved'")
+    case = tomllib.loads(server.session.file.read_text())
+    assert case == before["case"] | {
+        "people": [{**before["case"]["people"][0], "number": 3}, *before["case"]["people"][1:]]
+    }
+    page.close()
 
 
 def test_the_building_is_shown_in_3d_in_the_dark(browser, fire, serve):

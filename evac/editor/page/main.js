@@ -1,6 +1,7 @@
 // Puts everything together, and speaks with the server.
 
 const PAGE = Array.from(crypto.getRandomValues(new Uint32Array(2)), (word) => word.toString(36)).join("");  // Of several that are open.
+const UNDRAWN = ["select", "measure"];  // Tools that change no building.
 const KEYS = [
   ["V, R, W, D, E, S, A, O, M", "tools: select, room, wall, door, exit, stair, area, obstacle, measure"],
   ["Click, Enter", "with a tool: the next point; at the first one again, the outline ends"],
@@ -40,6 +41,7 @@ async function start() {
   const store = new Store(opened.table, changed), view = new PlanView(by("view"), store), view3d = new View3D(by("view3d"));
   let { digest } = opened, onDisk = digest, isAsked = false, isStale = false;
   view.storey = store.now.storeys[0]?.name ?? "";
+  document.body.classList.toggle("fixed", !opened.is_drawn);  // A building that is no plan is shown, not drawn.
 
   const act = {
     selected: () => view.selected,
@@ -82,7 +84,7 @@ async function start() {
 
     remove() {
       const ref = view.selected ?? { section: "storeys", index: store.now.rows("storeys").findIndex(({ name }) => name === view.storey) };
-      if (store.now.row(ref)) {
+      if (store.now.row(ref) && (opened.is_drawn || ref.section !== "storeys")) {
         const { corner, side, ...whole } = ref;
         view.selected = null;
         store.commit(store.now.remove(whole));
@@ -262,7 +264,7 @@ async function start() {
     "add-storey": () => { const name = store.now.unique("storeys", `storey ${store.now.storeys.length}`), top = store.now.storeys.at(-1), z = mm((top?.z ?? -3) + 3); view.storey = name; store.commit(store.now.add("storeys", { name, z, ...(top?.wall === undefined ? {} : { wall: top.wall }) })); act.say("Draw its rooms"); } };
   for (const [name, action] of Object.entries(actions)) by(name).addEventListener("click", action);
   by("copy").addEventListener("submit", (event) => { event.preventDefault(); store.commit(store.now.copyUp(view.storey, by("copies").valueAsNumber)); });
-  for (const [name, { key }] of Object.entries(TOOLS)) {
+  for (const [name, { key }] of Object.entries(TOOLS).filter(([name]) => opened.is_drawn || UNDRAWN.includes(name))) {
     const button = node("button", capital(name), { type: "button", value: name });
     button.append(node("kbd", key.toUpperCase()));
     button.addEventListener("click", () => { tools.choose(name); view.canvas.focus(); });
@@ -277,7 +279,7 @@ async function start() {
     if (control && (!isTyped || key === "s" || key === "enter")) { event.preventDefault(); control(); return; }
     if (isTyped || isControl || event.altKey) return;
     if (event.target === view.canvas && tools.key(event)) return event.preventDefault();
-    const tool = Object.keys(TOOLS).find((name) => TOOLS[name].key === key);
+    const tool = Object.keys(TOOLS).find((name) => TOOLS[name].key === key && (opened.is_drawn || UNDRAWN.includes(name)));
     const other = { n: () => act.next(event.shiftKey ? -1 : 1), c: act.nextPart, i: () => by("inspector").querySelector("input")?.select(), delete: act.remove, backspace: act.remove, pageup: () => act.climb(1), pagedown: () => act.climb(-1), 3: () => showView(by("view3d").hidden), f: fit, "+": () => view.zoomAt(1.25, [view.x, view.y]), "-": () => view.zoomAt(0.8, [view.x, view.y]), t: act.theme, "?": actions["show-help"], escape: () => { if (tools.points.length || tools.tool === "select") tools.cancel(); else tools.choose("select"); act.select(null); view.canvas.focus(); } }[key];
     if (!tool && !other) return;
     event.preventDefault();

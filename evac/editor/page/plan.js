@@ -3,6 +3,7 @@
 const MARGIN = 60, TOOLS_WIDE = 90;  // Around everything, and for the tools at the left [pixels].
 const BODY = 0.22;  // Radius of people [m].
 const SLOW = 60, REST = 200;  // Time to paint from which a view is moved as a picture, and after which it rests [ms].
+const FONT = '12px system-ui, "DejaVu Sans", sans-serif';
 const STEP_LINE = 0.28;  // Between the lines of steps [m].
 
 function coloursOf(...names) {
@@ -236,7 +237,7 @@ class PlanView {
       pen.setLineDash([]);
       if (isSelected(ref)) for (const corner of table.rings(ref).flat()) this.dot(corner, look.accent);
     }
-    for (const { ends } of this.copied()) this.line(ends, look.soft, Math.max(0.1, 3 / zoom));
+    for (const { ends, section } of this.others()) this.line(ends, section === "exits" ? look.exit : look.soft, Math.max(0.1, 3 / zoom));
     for (const ref of table.on(this.storey).filter(({ section }) => ON_WALLS.includes(section) || STAIRS.includes(section))) {
       const row = table.row(ref), lines = isTie(row.segment) || row.foot ? [this.lineOf(ref, row)] : ringsOf(row), colour = { exits: look.exit, doors: look.accent }[ref.section] ?? look.soft;
       for (const line of lines) if (line) {
@@ -261,10 +262,12 @@ class PlanView {
     pen.stroke();
   }
 
-  // Doors that a storey takes from the storeys that it is like, as they were judged.
-  copied() {
-    const own = new Set(this.table.rows("doors").filter((row) => row.storey === this.storey).map((row) => row.name));
-    return (this.judged?.segments.doors ?? []).filter((one) => one.storey === this.storey && !own.has(one.name)).flatMap(({ name, ends }) => ends.map((line) => ({ name, ends: [line.slice(0, 2), line.slice(2)] })));
+  // Doors and exits that no row of the storey has, as they were judged: of storeys that it is like, and of other files.
+  others() {
+    return ["doors", "exits"].flatMap((section) => {
+      const own = new Set(this.table.rows(section).filter((row) => row.storey === this.storey).map((row) => row.name)), all = this.judged?.segments[section] ?? [];
+      return all.filter((one) => one.storey === this.storey && !own.has(one.name)).flatMap(({ name, ends }) => ends.map((line) => ({ section, name, ends: [line.slice(0, 2), line.slice(2)] })));
+    });
   }
 
   dot([x, y], colour) {
@@ -301,25 +304,33 @@ class PlanView {
 
   text(words, point, colour, [dx, dy] = [0, 0], weight = 400) {
     const { pen } = this, [left, top] = this.spot(point);
-    Object.assign(pen, { font: `${weight} 12px system-ui, "DejaVu Sans", sans-serif`, textAlign: "center", textBaseline: "middle", lineWidth: 3, strokeStyle: this.look.floor, fillStyle: colour });
+    Object.assign(pen, { font: `${weight} ${FONT}`, textAlign: "center", textBaseline: "middle", lineWidth: 3, strokeStyle: this.look.floor, fillStyle: colour });
     pen.strokeText(words, left + dx, top + dy);
     pen.fillText(words, left + dx, top + dy);
+  }
+
+  // What stands beside a door, an exit or the foot of a stair: of exits outside.
+  nameLine(section, name, line) {
+    const [dx, dy] = minus(line[1], line[0]), far = Math.hypot(dx, dy) || 1, width = mm(far).toFixed(2), at = middle(line), words = { doors: width, exits: `${name} ${width}` }[section] ?? name;
+    const floors = this.levels().flatMap(({ polygons }) => polygons.map(([ring]) => ring)), isIn = ([x, y]) => floors.some((ring) => isInside([at[0] + 0.3 * x, at[1] + 0.3 * y], ring));
+    let aside = [-dy / far, dx / far];
+    if (section === "exits" && isIn(aside) && !isIn(aside.map((value) => -value))) aside = aside.map((value) => -value);
+    this.pen.font = FONT;
+    this.text(words, at, { exits: this.look.exit, doors: this.look.accent }[section] ?? this.look.text, [aside[0] * (this.pen.measureText(words).width / 2 + 12), -14 * aside[1]], section === "doors" ? 400 : 600);
   }
 
   paintNames() {
     const { table, look, zoom } = this, named = [this.storey, ...table.originals(this.storey)];
     for (const ref of named.flatMap((name) => table.on(name))) {
       const row = table.row(ref), isOwn = row.storey === this.storey || row.lower === this.storey, line = [...ON_WALLS, ...STAIRS].includes(ref.section) && isOwn && this.lineOf(ref, row);
-      if (line && zoom > 8) {
-        const [dx, dy] = minus(line[1], line[0]), far = Math.hypot(dx, dy) || 1, width = `${mm(far).toFixed(2)}`, off = [14 * -dy / far, 14 * -dx / far].map((value) => value * (ref.section === "exits" ? -1.6 : 1));
-        this.text(ref.section === "doors" ? width : `${row.name ?? ""} ${ref.section === "exits" ? width : ""}`, middle(line), { exits: look.exit, doors: look.accent }[ref.section] ?? look.text, off, ref.section === "doors" ? 400 : 600);
-      }
+      if (line && zoom > 8) this.nameLine(ref.section, row.name ?? "", line);
       const [ring] = table.rings(ref);
       if (POLYGONS.includes(ref.section) && ring && Math.sqrt(Math.abs(areaOf(ring))) * zoom > 45) {
         const at = [0, 1].map((i) => centre(range(ring, (corner) => corner[i])));
         this.text(row.name ?? "", at, ref.section === "rooms" ? look.text : look.soft, [0, ref.section === "rooms" ? -8 : 8], ref.section === "rooms" ? 600 : 400);
       }
     }
+    if (zoom > 8) for (const { section, name, ends } of this.others()) this.nameLine(section, name, ends);
     const { tools: { points, at, typed } } = this;
     if (points.length) {
       const last = points[points.length - 1];
