@@ -162,7 +162,7 @@ def declare_replay(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac replay`."""
     declare_result(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="the page (default: replay.html in RESULT)")
-    what = "time between two states [s] (default: all that were recorded)"
+    what = "time between two states [s] (default: those recorded, fewer in large runs)"
     parser.add_argument("--every", type=float, metavar="S", help=what)
 
 

@@ -1,4 +1,4 @@
-"""The motion of all people for the replay page: quantised, as second differences, compressed frame by frame.
+"""The motion of all people for the replay page: quantised, as differences, compressed frame by frame.
 
 The page decodes the streams (page/run/motion.js). All numbers are little-endian:
 
@@ -6,9 +6,9 @@ The page decodes the streams (page/run/motion.js). All numbers are little-endian
 - ``events``: int32. For each frame the number of people who came, left or changed the level, their indices and their
   levels, -1 of those who left; the number of people for whom it has changed whether their response time is over, and
   their indices.
-- ``steps``: bytes. For each frame x, then y, of everybody inside by ascending person: second differences in
-  centimetres of the position rounded down, to which the page adds half a centimetre. Before a person's first frame its
-  positions count as zero, for its second frame as the first one.
+- ``steps``: bytes. For each frame x, then y, of everybody inside by ascending person: how far the position in
+  centimetres, rounded down, to which the page adds half a centimetre, is from where the velocities of this frame and of
+  the one before lead, half of the time each; of a person's first frame the position itself.
 - ``heights``: bytes. For each frame, of everybody on an uneven level, the height above the level's plane [cm].
 - ``speeds``, ``waited``, ``forces``: bytes. For each frame, of everybody inside, the change since the person's last
   frame of the speed [cm/s], of the time that the person has waited [0.01 s], and of the code of the contact force,
@@ -16,7 +16,7 @@ The page decodes the streams (page/run/motion.js). All numbers are little-endian
   on. `evac.analysis.measures` defines all three.
 - ``doses``: the same of the dose [0.001], at most 10; empty in a case without doses.
 - ``headings``: bytes, as they are. For each frame, of everybody inside whose speed is not 0, the change of the
-  direction in plan since the person's last one, in parts of a circle of 256, modulo 256.
+  direction in plan since the person's last one, in parts of a circle of 256, modulo 256: a multiple of 4.
 - ``smoke``: bytes, as they are. For each frame 0 if smoke is as in the previous one, otherwise 1, and the changes of
   the codes of all cells of the field, modulo 256. The code of an extinction coefficient K [1/m] is
   255 (1 - exp(-K `DEPTH`)), at most 254. Empty without a field of smoke.
@@ -49,17 +49,25 @@ MOMENT, PACE = 0.01, 0.01
 #: Resolution of doses, and the greatest one that is stored.
 PART, MOST_DOSE = 0.001, 10.0
 
+#: Number of directions, and 1000 times the unit vector of each, as whole numbers that the page computes alike.
+DIRECTIONS = 64
+TOWARD = np.rint(1000.0 * np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)[:, None].view(np.float64))
+
 ESCAPE = 255
 
 STREAMS = ("times", "events", "steps", "heights", "speeds", "waited", "forces", "doses", "headings", "smoke", "wide")
+
+#: Streams in which sequences repeat.
+REPEATING = ("events", "waited", "doses", "smoke")
 
 
 class _Stream:
     """A byte stream that is compressed incrementally."""
 
-    def __init__(self) -> None:
-        # Sequences rarely repeat, but some bytes are much more frequent than others.
-        self._compressor = zlib.compressobj(9, strategy=zlib.Z_RLE)
+    def __init__(self, name: str) -> None:
+        # Where sequences rarely repeat, some bytes are much more frequent than others.
+        strategy = zlib.Z_DEFAULT_STRATEGY if name in REPEATING else zlib.Z_RLE
+        self._compressor = zlib.compressobj(9, strategy=strategy)
         self._ready = bytearray()
 
     def write(self, data: bytes) -> None:
@@ -83,14 +91,14 @@ class MotionPacker:
         self._planes = [level_plane(building, level) for level in building.levels]
         self._uneven = np.array([not is_even(building, level) for level in building.levels])
         self._level, self._first_level = np.full((2, people), -1, np.int32)  # in the previous frame, and in the first
-        self._seen = np.zeros(people, np.int32)  # frames of each person so far
-        # Positions in the last two frames, and in the first one of the run.
-        self._last, self._before, self._first = np.zeros((3, people, 2), np.int64)
+        # Positions in the person's last frame, and in the first one of the run; velocities of the last frame.
+        self._last, self._first, self._velocity = np.zeros((3, people, 2), np.int64)
+        self._is_new, self._time = np.ones(people, np.bool_), 0.0
         self._started = np.zeros(people, np.int32)  # 1 of those whose response time was over
         # In each person's last frame.
         self._speeds, self._waited, self._forces, self._doses, self._headings = np.zeros((5, people), np.int64)
         self._measuring = Measuring(people)
-        self._streams = {name: _Stream() for name in STREAMS}
+        self._streams = {name: _Stream(name) for name in STREAMS}
 
     def add(self, frame: Frame, is_shown: bool = True, has_dose: bool = False, smoke: FloatArray | None = None) -> None:
         """Add a frame, which is later than the previous one.
@@ -108,17 +116,6 @@ class MotionPacker:
         at = np.floor((position - self.origin) / GRAIN).astype(np.int64)  # so that nobody is in another cell of maps
         if self.frames == 1:
             self._first_level[person], self._first[person] = level, at
-        expected = np.where(self._seen[person, None] > 1, 2 * self._last[person] - self._before[person], 0)
-        expected = np.where(self._seen[person, None] == 1, self._last[person], expected)
-        self._numbers("steps", (at - expected).T.ravel())
-        self._before[person], self._last[person] = self._last[person], at
-        self._seen[person] += 1
-        uneven = np.flatnonzero(self._uneven[level])
-        if uneven.size:
-            plane = np.array(self._planes)[level[uneven]]
-            height = plane[:, 0] + (plane[:, 1:] * position[uneven]).sum(axis=1)
-            off = elevation(self.building, level[uneven], position[uneven]) - height
-            self._numbers("heights", np.rint(off / GRAIN).astype(np.int64))
         codes = {
             "speeds": np.rint(measures.speed / PACE).astype(np.int64),
             "waited": np.rint(measures.waited / MOMENT).astype(np.int64),
@@ -135,10 +132,23 @@ class MotionPacker:
             last = getattr(self, f"_{name}")
             self._numbers(name, values - last[person])
             last[person] = values
-        walks = codes["speeds"] > 0
-        heading = np.rint(np.arctan2(*frame["velocity"][walks, 1::-1].T) * 128.0 / np.pi).astype(np.int64)
-        self._write("headings", ((heading - self._headings[person[walks]]) % 256).astype(np.uint8))
+        walks, velocity = codes["speeds"] > 0, self._velocity[person]
+        angle = np.arctan2(*frame["velocity"][walks, 1::-1].T)
+        heading = np.rint(angle * 0.5 * DIRECTIONS / np.pi).astype(np.int64) % DIRECTIONS
+        turn = 256 // DIRECTIONS * (heading - self._headings[person[walks]])
+        self._write("headings", (turn % 256).astype(np.uint8))
         self._headings[person[walks]] = heading
+        self._velocity[person] = codes["speeds"][:, None] * TOWARD[self._headings[person]]
+        way = (frame["time"] - self._time) * (PACE / GRAIN / 2000.0) * (velocity + self._velocity[person])
+        expected = np.where(self._is_new[person, None], 0, self._last[person] + np.floor(way + 0.5).astype(np.int64))
+        self._numbers("steps", (at - expected).T.ravel())
+        self._last[person], self._is_new[person], self._time = at, False, frame["time"]
+        uneven = np.flatnonzero(self._uneven[level])
+        if uneven.size:
+            plane = np.array(self._planes)[level[uneven]]
+            height = plane[:, 0] + (plane[:, 1:] * position[uneven]).sum(axis=1)
+            off = elevation(self.building, level[uneven], position[uneven]) - height
+            self._numbers("heights", np.rint(off / GRAIN).astype(np.int64))
 
     @property
     def longest_wait(self) -> float:

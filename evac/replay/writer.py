@@ -3,6 +3,7 @@
 import base64
 import html
 import json
+import math
 import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -29,6 +30,9 @@ from evac.trajectory.trajectory import Trajectory
 
 #: Largest time or length that the page gets [s or m]; a response time may be as large as a float can be.
 LARGEST = 1e9
+
+#: Number of states of people beyond which a page has only every second recorded time, every third, ...
+MOST_STATES = 800_000
 
 #: Greatest number of compartments with a bar, those with the least margins.
 MOST_BARS = 5
@@ -97,7 +101,7 @@ def replay_run(results: Results, path: Path, error: BaseException | None = None)
 def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = None) -> int:
     """Write the replay of a trajectory, with what is in its folder; return the number of states.
 
-    `every`: least time between two states [s]; by default all recorded states are used.
+    `every`: least time between two states [s]; by default all recorded ones are used, of large runs a part of them.
     """
     motion = packed(trajectory, every)
     write_page(path, motion, account_of_folder(trajectory), trajectory.changes)
@@ -113,16 +117,18 @@ def packed(trajectory: Trajectory, every: float | None = None) -> MotionPacker:
     has_smoke = palette.SMOKE in [field.name for field in trajectory.level_fields]
     smoke = trajectory.field(palette.SMOKE) if has_smoke else None
     motion = MotionPacker(trajectory.number_of_people, trajectory.building, smoke, trajectory.contrast)
-    chosen = _chosen(trajectory.time, every)
+    chosen = _chosen(trajectory, every)
     for k in told("writing the replay", range(len(trajectory)), len(trajectory)):
         motion.add(trajectory[k], k in chosen, trajectory.has_dose, None if smoke is None else smoke.values[k])
     return motion
 
 
-def _chosen(time: FloatArray, every: float | None) -> set[int]:
+def _chosen(trajectory: Trajectory, every: float | None) -> set[int]:
     """Return the frames to show: the first, the last, and those nearest to the multiples of `every`."""
+    time = trajectory.time
     if every is None:
-        return set(range(len(time)))
+        states = sum(len(rows.person) for rows in trajectory.rows)
+        return {*range(0, len(time), max(1, math.ceil(states / MOST_STATES))), len(time) - 1}
     wanted = np.arange(time[0], time[-1], every)
     after = np.searchsorted(time, wanted)
     before = np.maximum(after - 1, 0)
@@ -177,7 +183,7 @@ def _about(account: Account, portals: int) -> dict[str, Any]:
             "start": moves.start.tolist(),
             "person": moves.row.tolist(),
             "target": np.where(leaves, portals - 2 - moves.link, moves.target).tolist(),  # by exit k: -2 - k
-            "time": whole(moves.time, 100.0),
+            "time": np.diff(np.rint(100.0 * moves.time).astype(np.int64), prepend=0).tolist(),  # since the one before
         },
     }
 

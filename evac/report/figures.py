@@ -47,8 +47,9 @@ TOGETHER = 6
 #: Shares of the people out at which the course of a run is shown [%].
 SHARES_OUT = (25, 50, 75, 95)
 
-#: Width and height of rendered pictures, and of the egress curve, which has a table beside it [inches].
-COVER, COURSE, CURVE = (3.3, 2.0), (3.4, 2.4), (4.5, 2.8)
+#: Width and height of rendered pictures, of a cover with more storeys than are drawn together, and of the egress curve,
+#: which has a table beside it [inches].
+COVER, COURSE, TALL, CURVE = (3.3, 2.0), (3.4, 2.4), (4.2, 2.6), (4.5, 2.8)
 
 #: Pixels of rendered pictures per inch, and size of their letters [pixels].
 SHARPNESS, LETTERS = 200, 18
@@ -127,7 +128,8 @@ def course(trajectory: Trajectory, exit_times: FloatArray) -> list[Picture]:
 
 def cover(trajectory: Trajectory) -> Picture:
     """Return the picture of the building and the people at the first recorded time."""
-    return _rendered(_renderer(trajectory, COVER), 0, f"The building at {trajectory.time[0]:g} s.", "cover")
+    size = TALL if len(trajectory.building.storeys) > TOGETHER else COVER
+    return _rendered(_renderer(trajectory, size), 0, f"The building at {trajectory.time[0]:g} s.", "cover")
 
 
 def _renderer(trajectory: Trajectory, inches: tuple[float, float]) -> Renderer:

@@ -424,8 +424,8 @@ def safety_cells(safety: Mapping[str, Any]) -> list[tuple[object, ...]]:
     ]
 
 
-#: Greatest number of lines of a case that is printed, on two or three pages.
-MOST_LINES = 450
+#: Greatest number of lines of a case that is printed, on one or two pages.
+MOST_LINES = 300
 
 
 def model_section(

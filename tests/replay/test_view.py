@@ -165,10 +165,14 @@ def test_the_building_is_in_the_picture_and_names_of_storeys_are_at_their_height
     browser.show(page, width, height)
     browser.run(f"replay.act.view('{view}'); replay.act.seek(20)")
     browser.settle()
-    corners = np.array(browser.run("replay.layout.corners().map((corner) => replay.camera.project(corner))"))
-    assert np.abs(corners[:, :2]).max() <= 1.0
-    free = browser.run("1 - 2 * document.getElementById('tools').offsetHeight / replay.stage.canvas.clientHeight")
-    assert corners[:, 1].max() < free
+    for size in ((700, 700), (width, height)):  # also when the window gets another size
+        browser.resize(*size)
+        browser.settle()
+        browser.settle()
+        corners = np.array(browser.run("replay.layout.corners().map((corner) => replay.camera.project(corner))"))
+        assert np.abs(corners[:, :2]).max() <= 1.0
+        free = browser.run("1 - 2 * document.getElementById('tools').offsetHeight / replay.stage.canvas.clientHeight")
+        assert corners[:, 1].max() < free
     rows = browser.run(
         """(() => {
           const { layout, camera } = replay, { levels } = layout.building, view = document.getElementById("view");

@@ -25,7 +25,7 @@ def test_the_page_asks_nothing_of_a_network_and_shows_titles_as_they_are(descent
         assert not re.search(r"https?://|\bfetch\(|XMLHttpRequest|@import|url\(", place)
 
 
-def test_states_are_chosen_by_time(descent):
+def test_states_are_chosen_by_time(descent, monkeypatch):
     path = descent(frames=9).path  # every 0.5 s to 4 s
     trajectory = read_trajectory(path)
     assert replay_trajectory(trajectory, path.with_name("all.html")) == 9
@@ -33,6 +33,8 @@ def test_states_are_chosen_by_time(descent):
     # Nearest to 0, 0.8, ... 3.2 s are 0, 1, 1.5, 2.5 and 3 s.
     assert replay_trajectory(trajectory, path.with_name("few.html"), every=0.8) == 6
     assert replay_trajectory(trajectory, path.with_name("few.html"), every=100.0) == 2
+    monkeypatch.setattr("evac.replay.writer.MOST_STATES", sum(len(trajectory[k]["person"]) for k in range(9)) // 2)
+    assert replay_trajectory(trajectory, path.with_name("large.html")) == 4  # 0, 1.5, 3 and 4 s
 
 
 @pytest.mark.parametrize(

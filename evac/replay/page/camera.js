@@ -32,6 +32,8 @@ class Camera {
     }
   }
 
+  place() { return `${this.target} ${this.size} ${this.azimuth} ${this.tilt}`; }
+
   // Place on the screen, from -1 to 1, and depth.
   project([x, y, z]) {
     const m = this.matrix, w = m[3] * x + m[7] * y + m[11] * z + m[15];

@@ -41,7 +41,7 @@ async function start() {
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
   let look = {}, built = null, isStale = true, last = null, told = 0, felt = 0;
   let measured = null, drawnFrom = null;
-  let opened = null, remembering = null, film = null;
+  let opened = null, remembering = null, film = null, fitted = "";
 
   const redraw = () => {
     if (!isStale) requestAnimationFrame(show);
@@ -55,6 +55,7 @@ async function start() {
     camera.fit(layout.corners(), 1.08);
     const isPlan = state.view === "plan", left = state.storey < 0 && !isPlan ? labels.margin() : 0, top = heightOfTools() + (isPlan ? NAME : 0), bottom = about.northward ? ROOM_OF_ARROW : camera.isFlat ? ROOM_OF_SCALE : 0;
     camera.makeRoom(layout.corners(), Math.min(0.3, left / canvas.clientWidth), Math.min(0.3, top / canvas.clientHeight), Math.min(0.15, bottom / canvas.clientHeight));
+    fitted = camera.place();
     redraw();
   }
 
@@ -241,7 +242,10 @@ async function start() {
     const pixels = Math.min(devicePixelRatio, state.pixels), { clientWidth: wide, clientHeight: tall } = canvas;  // Read before the page is changed.
     const [width, height] = [Math.round(wide * pixels), Math.round(tall * pixels)];
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    camera.aspect = wide / Math.max(1, tall);
+    if (camera.aspect !== aspect()) {
+      camera.aspect = aspect();
+      if (camera.place() === fitted) { arrange(); fit(); }  // Another size of the window shows the same.
+    }
     camera.update();
     const building = record.stateAt(state.time);
     if (built !== building) {

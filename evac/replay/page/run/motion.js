@@ -19,7 +19,10 @@ function unpackMotion(streams, { building: { levels }, group, grain, pace, momen
     speed: floats(rows), waited: floats(rows), force: floats(rows), dose: floats(streams.doses.length),
   };
   const { first, person, level, x, y, z, heading } = motion, levelOf = whole().fill(-1), seen = bytes(), begun = bytes(), turned = bytes();
-  const places = [x, y].map((target) => ({ target, last: whole(), before: whole() }));
+  const places = [[x, Math.cos], [y, Math.sin]].map(([target, share]) => {
+    const toward = Int32Array.from({ length: 256 }, (_, turn) => Math.round(1000 * share(turn * Math.PI / 128)));
+    return { target, toward, last: whole(), velocity: new Float64Array(people) };
+  });
   const codes = [["speeds", motion.speed, (code) => pace * code], ["waited", motion.waited, (code) => moment * code],
                  ["forces", motion.force, forceOf], ["doses", motion.dose, (code) => part * code]]
     .map(([name, target, of]) => ({ bytes: streams[name], target, of, last: whole() })).filter((one) => one.bytes.length);
@@ -43,20 +46,6 @@ function unpackMotion(streams, { building: { levels }, group, grain, pace, momen
       level[end++] = levelOf[p];
     }
     first[k + 1] = end;
-    for (const { target, last, before } of places) {
-      for (let row = from; row < end; row++) {
-        const p = person[row], expected = seen[p] > 1 ? 2 * last[p] - before[p] : seen[p] ? last[p] : 0;
-        before[p] = last[p];
-        last[p] = expected + number(steps[step++]);
-        target[row] = grain * (last[p] + 0.5);
-      }
-    }
-    for (let row = from; row < end; row++) {
-      const { plane, uneven } = levels[level[row]];
-      if (seen[person[row]] < 2) seen[person[row]]++;
-      z[row] = plane[0] + plane[1] * x[row] + plane[2] * y[row];
-      if (uneven) z[row] += grain * number(heights[lift++]);
-    }
     for (const { bytes, target, of, last } of codes) {
       for (let row = from; row < end; row++) target[row] = of(last[person[row]] += number(bytes[row]));
     }
@@ -64,6 +53,22 @@ function unpackMotion(streams, { building: { levels }, group, grain, pace, momen
     for (let row = from; row < end; row++) {
       if (speeds[person[row]]) turned[person[row]] += headings[turn++];
       heading[row] = turned[person[row]];
+    }
+    const share = k ? (times[k] - times[k - 1]) * (pace / grain / 2000) : 0;
+    for (const { target, toward, last, velocity } of places) {
+      for (let row = from; row < end; row++) {
+        const p = person[row], before = velocity[p];
+        velocity[p] = speeds[p] * toward[turned[p]];
+        if (seen[p]) last[p] += Math.floor(share * (before + velocity[p]) + 0.5);
+        last[p] += number(steps[step++]);
+        target[row] = grain * (last[p] + 0.5);
+      }
+    }
+    for (let row = from; row < end; row++) {
+      const { plane, uneven } = levels[level[row]];
+      seen[person[row]] = 1;
+      z[row] = plane[0] + plane[1] * x[row] + plane[2] * y[row];
+      if (uneven) z[row] += grain * number(heights[lift++]);
     }
   }
   return motion;

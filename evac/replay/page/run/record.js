@@ -26,6 +26,7 @@ class Record {
     }
     this.comes = [];  // Who comes during the run: when, and where each of them is recorded first.
     this.hasTimes = moves.target.some((target) => target < -1);
+    moves.time.forEach((since, i) => { moves.time[i] = since + (moves.time[i - 1] ?? 0); });
     this.outTime = new Float64Array(this.people).fill(Infinity);
     this.outBy = new Int32Array(this.people).fill(-1);
     this.outAt = new Float32Array(2 * this.people);
