@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from evac.conditions.source import ConditionSource as ConditionSource
     from evac.contract.hooks import hookimpl as hookimpl
     from evac.contract.registry import Registry as Registry
+    from evac.directions.routes import Route as Route
     from evac.editor import edit as edit
     from evac.export.exporter import Exporter as Exporter
     from evac.importing import import_building as import_building
@@ -89,6 +90,7 @@ _HOMES = {
     "Registry": "evac.contract.registry",
     "ResultError": "evac.base.errors",
     "Results": "evac.results.results",
+    "Route": "evac.directions.routes",
     "RunWarning": "evac.base.errors",
     "ScenarioError": "evac.base.errors",
     "Simulation": "evac.simulation.simulation",

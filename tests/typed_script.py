@@ -131,8 +131,11 @@ def main(folder: Path) -> None:
     sweep = evac.sweep(case, {"people.people.speed": [1.0, 1.5]}, 2, workers=1)
     comparison: evac.Comparison = evac.compare(evac.read_study(folder / "study"), (sweep, 1))
     print(comparison.to_pandas())
-    simulation = evac.Simulation(case)
+    to_door = evac.Route(exits=("door",))
+    simulation = evac.Simulation(case, routes=[to_door], in_memory=True)
     simulation.scene.apply(evac.Change(0.5, "close", "door", {"value": "bodies"}))
+    simulation.scene.send(simulation.scene.people_in([(0, 0), (4, 0), (4, 4)]), to_door)
+    simulation.scene.remove(simulation.scene.people_in("people")[:0])
     while not simulation.ended:
         simulation.advance_tick()
     findings: Sequence[evac.Finding] = simulation.findings

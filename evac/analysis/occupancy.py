@@ -106,7 +106,9 @@ def moves_of(
     time = np.concatenate([np.zeros(0) if arrival_time is None else arrival_time[came], time, exit_time[out]])
     source = np.concatenate([np.full(came.size, -1, np.int32), source, level[out]])
     target = np.concatenate([begin[came], target, np.full(out.size, -1, np.int32)])
-    left = np.full(out.size, -1, np.int32) if exit_used is None else len(building.portals) + exit_used[out]
+    left = np.full(out.size, -1, np.int32)
+    if exit_used is not None:
+        left = np.where(exit_used[out] < 0, left, len(building.portals) + exit_used[out])
     link = np.concatenate([np.full(came.size, -1, np.int32), link, left]).astype(np.int32)
     begin[came] = -1
     order = np.argsort(time, kind="stable")

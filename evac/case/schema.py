@@ -200,6 +200,13 @@ class ArrivalSettings(Table):
     )
     from_: Real | None = key("time from which people enter at the rate", "s", None, ge=0, le=LONGEST_RUN, alias="from")
     to: Real | None = key("time until which they do", "s", None, ge=0, le=LONGEST_RUN)
+    reserve: Whole | None = key(
+        "greatest number of people whom a program or a behaviour adds; this instead of times or rate",
+        "",
+        None,
+        ge=1,
+        le=MOST_PEOPLE,
+    )
     exit: str | None = key(
         "name of the exit through which they enter; this, or `area` or `level` of the group", "", None
     )
@@ -210,16 +217,16 @@ class ArrivalSettings(Table):
     @property
     def mean(self) -> int:
         """Mean number of people, rounded."""
-        if self.times is not None:
-            return len(self.times)
+        if self.times is not None or self.reserve is not None:
+            return len(self.times or ()) or self.reserve or 0
         return round((self.rate or 0.0) * ((self.to or 0.0) - (self.from_ or 0.0)))
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
-        if (self.times is None) == (self.rate is None):
-            raise wrong("times", "give either the times, or rate, from and to")
-        if self.times is not None and (self.from_ is not None or self.to is not None):
-            raise wrong("from" if self.to is None else "to", "belongs to rate, not to times; remove it")
+        if sum(given is not None for given in (self.times, self.rate, self.reserve)) != 1:
+            raise wrong("times", "give either the times, or rate, from and to, or reserve")
+        if self.rate is None and (self.from_ is not None or self.to is not None):
+            raise wrong("from" if self.to is None else "to", "belongs to rate; remove it")
         if self.rate is not None and (self.from_ is None or self.to is None or self.from_ >= self.to):
             raise wrong("to", "give the times from and to of the rate, the earlier one first")
         if self.mean > MOST_PEOPLE:

@@ -7,6 +7,8 @@ import shapely
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.distributions import generator_for
+from evac.base.errors import ScenarioError
+from evac.base.saved import Bounds, Saved
 from evac.building.model.building import Building, Exit, Portal
 from evac.building.model.links import ways_onto
 from evac.people.placement import clearance
@@ -25,10 +27,13 @@ GAP = 0.01
 def times_of_arrival(people: "GroupSettings", seed: int) -> FloatArray:
     """Return the times at which the people of a group come [s], in ascending order.
 
-    At a rate, they are those of a Poisson process, from a generator of this group alone.
+    At a rate, they are those of a Poisson process, from a generator of this group alone; infinite for those who come
+    only if they are added.
     """
     arrive = people.arrive
     assert arrive is not None
+    if arrive.reserve is not None:
+        return np.full(arrive.reserve, np.inf)
     if arrive.times is not None:
         return np.sort(np.array(arrive.times, dtype=np.float64))
     begin, end = arrive.from_ or 0.0, arrive.to or 0.0
@@ -37,13 +42,18 @@ def times_of_arrival(people: "GroupSettings", seed: int) -> FloatArray:
     return np.sort(generator.uniform(begin, end, number))
 
 
-class Source:
-    """The place at which the people of a group come in, and the times at which they come, ascending (k,) [s]."""
+class Source(Saved):
+    """The place at which the people of a group come in, and the times at which they come, ascending (k,) [s].
+
+    `place` (k, 2) are the places of people who were added at one, NaN for others [m].
+    """
+
+    saved = ("due", "place")
 
     def __init__(self, people: "GroupSettings", rows: IntArray, due: FloatArray, seed: int) -> None:
         assert people.arrive is not None
-        self.rows, self.due = rows, due
-        self._name, self._seed = people.name, seed
+        self.rows, self.due, self.place = rows, due, np.full((len(rows), 2), np.nan)
+        self.name, self._seed = people.name, seed
         self._exit, self._portal = people.arrive.exit, people.arrive.portal
         self._is_at_edge = people.arrive.exit is not None or people.arrive.portal is not None
         self._place = people.area or people.level or ""
@@ -52,6 +62,23 @@ class Source:
         """Return the people whose time has come, but who are not inside."""
         due: IntArray = self.rows[np.isnan(crowd.arrival_time[self.rows]) & (self.due <= time + 1e-9)]
         return due
+
+    def add(self, building: Building, crowd: Crowd, time: float, place: tuple[float, float] | None) -> int:
+        """Let the next person of the reserve come at a time, at a place on the level [m] or where the group enters."""
+        left = np.flatnonzero(np.isinf(self.due))
+        if not len(left):
+            raise ScenarioError(f"people.{self.name}: all {len(self.due)} people of arrive.reserve have come; raise it")
+        if place is not None:
+            level = building.levels[self._ways(building)[0]]
+            if not level.polygon.covers(shapely.Point(place)):
+                raise ScenarioError(f"people.{self.name}: ({place[0]:g}, {place[1]:g}) is not on level {level.name!r}")
+            self.place[left[0]] = place
+        self.due[left[0]] = time
+        return int(self.rows[left[0]])
+
+    def bounds(self) -> dict[str, Bounds]:
+        """Return that times are not negative."""
+        return {"due": Bounds(0.0, np.inf), "place": Bounds(nan=True)}
 
     def let_in(self, building: Building, crowd: Crowd, time: float) -> IntArray:
         """Put people who wait to free places, in the order of their times, and return those who have come in.
@@ -68,9 +95,11 @@ class Source:
         edges = np.concatenate([np.zeros((0, 4)), *(_seen_from(way, level) for way in ways)])
         near = [level, *(way.other(level) for way in ways if isinstance(way, Portal))]
         for row in waiting.tolist():
-            generator = generator_for(self._seed, "people", self._name, "place", str(row), f"{time:.6f}")
+            generator = generator_for(self._seed, "people", self.name, "place", str(row), f"{time:.6f}")
             radius = float(crowd.radius[row])
-            if area is not None:
+            if not np.isnan(own := self.place[self.rows == row]).any():
+                tries = own
+            elif area is not None:
                 tries = _in_area(area.polygon, generator)
             elif len(edges):
                 tries = _behind(edges, radius, generator)
@@ -81,7 +110,9 @@ class Source:
             is_free = (away >= radius + crowd.radius[there] + GAP).all(axis=1)
             is_free &= clearance(tries, np.concatenate(walls)) >= radius + GAP
             if not is_free.any():
-                break  # who comes later waits behind
+                if np.isnan(own).any():
+                    break  # who comes later waits behind
+                continue
             crowd.position[row], crowd.level[row] = tries[np.argmax(is_free)], level
             crowd.velocity[row], crowd.arrival_time[row] = 0.0, time
             crowd.start_time[row] += time

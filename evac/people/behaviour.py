@@ -278,16 +278,9 @@ class BehaviourScene:
             self.level_fields.append(own[name])
         return own[name]
 
-    def people_in(self, name: str) -> IntArray:
-        """Return the rows of the people inside who are in an area or on a level, or of a group; an empty name: all.
-
-        Raises
-        ------
-        ScenarioError
-            There is nothing of this name.
-        """
-        assert self.scene.people is not None
-        return self.scene.people.rows_in(self.scene.building, name)
+    def people_in(self, where: Any, level: str = "") -> IntArray:
+        """Return the rows of the people inside who are at a place or of a group; see `Scene.people_in`."""
+        return self.scene.people_in(where, level)
 
     def begin_ways(self, rows: IntArray) -> None:
         """Count the progress of people anew, because they begin another way, such as back to where they were.

@@ -299,9 +299,9 @@ class Places(Saved):
         """Return whether a person is on the way to a place."""
         return bool(self._meant[person] >= 0 and not self.arrived[person])
 
-    def release(self, person: int) -> None:
-        """Let a person leave its place, because somebody brings it elsewhere; it is not assigned to places any more."""
-        self._is_brought[person], self.arrived[person], self._meant[person] = True, False, -1
+    def release(self, people: "int | IntArray") -> None:
+        """Let people leave their place, because they are sent elsewhere; they are not assigned to places any more."""
+        self._is_brought[people], self.arrived[people], self._meant[people] = True, False, -1
 
     def take_in(self, person: int, name: str, time: float) -> None:
         """Let a person stay in a place to which it was brought."""

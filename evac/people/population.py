@@ -1,6 +1,7 @@
 """The population: arrays of all people, their groups, exit times and crossings."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -39,6 +40,9 @@ ROUNDING = 1e-6
 #: Distance from the building within which a saved position must lie [m].
 BEYOND = 10.0
 
+#: Arrays of the crowd that are heeded if they are written between two ticks.
+HEEDED = ("start_time", "speed", "route")
+
 #: Allowed ranges of the drawn quantities; smaller masses and relaxation times make the models overflow.
 BOUNDS = {
     "radius": (LEAST_RADIUS, MOST_RADIUS),
@@ -76,7 +80,8 @@ class Population(Saved):
     """All people of a run, and the log of their crossings.
 
     It owns the crowd, of which each array has one writer, see docs/architecture.md. `staying` (k,) are the people who
-    do not leave, `sources` the places where people come in, `left_out` the ground on which nobody starts.
+    do not leave, `sources` the places where people come in, `left_out` the ground on which nobody starts, and `reserve`
+    (n,) whether people come only if somebody adds them.
     """
 
     def __init__(
@@ -95,6 +100,44 @@ class Population(Saved):
         self.staying = np.zeros(0, np.int32) if staying is None else staying
         self._building, self._n_portals, self._routes = building, len(building.portals), routes
         self._log: list[tuple[IntArray, IntArray, FloatArray]] = []
+        self.is_read_only = False
+        self.reserve: BoolArray = np.zeros(len(crowd.level), np.bool_)
+        self._reserves = {source.name: source for source in self.sources if np.isinf(source.due).any()}
+        for source in self._reserves.values():
+            self.reserve[source.rows] = True
+
+    def lock(self) -> None:
+        """Make the arrays read-only that are computed again, or belong to the contact model, whoever writes them."""
+        for name, array in self.crowd.values().items():
+            array.flags.writeable = name in HEEDED
+
+    @contextmanager
+    def writable(self) -> Iterator[None]:
+        """Let the arrays be written by their owners, unless recorders read them."""
+        locked = [array for array in self.crowd.values().values() if not (array.flags.writeable or self.is_read_only)]
+        for array in locked:
+            array.flags.writeable = True
+        try:
+            yield
+        finally:
+            for array in locked:
+                array.flags.writeable = False
+
+    def add(self, building: Building, group: str, time: float, place: tuple[float, float] | None) -> int:
+        """Let the next person of a group with a reserve come, see `Scene.add`."""
+        if group not in self._reserves:
+            hint = did_you_mean(group, [*self._reserves]) if self._reserves else "give a group arrive.reserve"
+            raise ScenarioError(f"people.{group}: there is no reserve of this name; {hint}")
+        person = self._reserves[group].add(building, self.crowd, time, place)
+        self.reserve[person] = False
+        return person
+
+    def remove(self, rows: IntArray, time: float) -> None:
+        """Take people inside out at a time [s]."""
+        crowd = self.crowd
+        rows = rows[crowd.level[rows] >= 0]
+        crowd.level[rows], crowd.exit_time[rows] = -1, time
+        crowd.passing[rows], crowd.ahead[rows] = -1, 0.0
 
     @property
     def inside(self) -> int:
@@ -123,19 +166,24 @@ class Population(Saved):
         """Return the groups with the settings for one behaviour only, as in its `BehaviourScene`."""
         return tuple(replace(group, settings=dict(group.settings.get(behaviour, {}))) for group in self.groups)
 
-    def rows_in(self, building: Building, name: str) -> IntArray:
+    def rows_in(self, building: Building, name: str | shapely.Geometry, level: str = "") -> IntArray:
         """Return the people inside who are in an area or on a level, or belong to a group; an empty name means all.
 
         Parameters
         ----------
         building : Building
-        name : str
+        name : str or shapely geometry
+            A polygon in plan is on all levels, or on the one of the name `level`.
+        level : str
 
         Raises
         ------
         ScenarioError
             There is nothing of this name.
         """
+        if isinstance(name, shapely.Geometry):
+            rows = self.rows_in(building, level)
+            return rows[shapely.intersects_xy(name, *self.crowd.position[rows].T)]
         crowd, parts = self.crowd, building.parts_named(name)
         is_in = crowd.level >= 0
         if parts:
@@ -165,7 +213,7 @@ class Population(Saved):
         left: IntArray = row[is_exit]
         return left
 
-    saved = ("crowd",)
+    saved = ("crowd", "_reserves")
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all arrays and of the log."""
@@ -175,10 +223,12 @@ class Population(Saved):
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned."""
         super().restore(state)
+        for source in self._reserves.values():
+            self.reserve[source.rows] = np.isinf(source.due)
         crowd = self.crowd
         is_out = (crowd.level < 0) & ~np.isnan(crowd.arrival_time)
-        if not all(np.array_equal(is_out, mark) for mark in (np.isfinite(crowd.exit_time), crowd.exit_used >= 0)):
-            raise SavedError("crowd.level: is not -1 for exactly those who have an exit_time and an exit_used")
+        if not np.array_equal(is_out, np.isfinite(crowd.exit_time)) or (crowd.exit_used[~is_out] >= 0).any():
+            raise SavedError("crowd.level: is not -1 for exactly those who have an exit_time, as all with an exit_used")
         rows = taken(state, "crossing_row", np.int32, (None,), 0, len(is_out) - 1)
         links = taken(state, "crossing_link", np.int32, rows.shape, 0, self._n_portals - 1)
         self._log = [(rows, links, taken(state, "crossing_time", np.float64, rows.shape, 0.0))]

@@ -49,7 +49,8 @@ class Ending(Saved):
     from the sum in every `no_progress` (or `STANDING`, if that is longer), so that the creep of a blocked crowd does
     not count. People who have not started count as making progress, and so does everybody for whom a way is left when
     the scene changes, see `begin_anew`. For the end of a run, those who have arrived at a place (people,), who do not
-    leave (rows), and whom gases or heat have stopped (people,) do not count; the owners change these arrays.
+    leave (rows), whom gases or heat have stopped (people,), and who come only if they are added (people,) do not count;
+    the owners change these arrays.
     """
 
     saved = ("_least", "_gained", "_progress_at")
@@ -62,6 +63,7 @@ class Ending(Saved):
         arrived: NDArray[np.bool_] | None = None,
         staying: IntArray | None = None,
         stopped: BoolArray | None = None,
+        reserve: BoolArray | None = None,
     ) -> None:
         self._leaves = np.ones(people, np.bool_)
         if staying is not None:
@@ -69,6 +71,7 @@ class Ending(Saved):
         self._settings = settings
         self._stopped = np.zeros(people, np.bool_) if stopped is None else stopped
         self._arrived = np.zeros(people, np.bool_) if arrived is None else arrived
+        self._reserve = np.zeros(people, np.bool_) if reserve is None else reserve
         self._steps_per_check = max(1, round(PROGRESS_EVERY / settings.tick)) * settings.steps_per_tick
         seconds_per_check = self._steps_per_check * settings.step
         self._decay = PROGRESS * seconds_per_check / max(settings.no_progress, STANDING)  # of the gain, per check [s]
@@ -92,7 +95,8 @@ class Ending(Saved):
     def over(self, step: int, crowd: Crowd, can_grow: bool = False) -> str:
         """Return why no step is left, as `reason` but without the check of progress; an empty string if one is left."""
         inside, is_last = (crowd.level >= 0) & self._leaves, step >= self._settings.last_step
-        is_over = not (inside & ~self._arrived & ~self._stopped).any() and not np.isnan(crowd.arrival_time).any()
+        is_over = not (inside & ~self._arrived & ~self._stopped).any()
+        is_over &= not (np.isnan(crowd.arrival_time) & ~self._reserve).any()
         if is_over and (is_last or not can_grow):
             if ((crowd.level >= 0) & self._stopped).any():
                 return EVERYBODY_ABLE_OUT

@@ -23,7 +23,15 @@ from evac.folder.textfiles import checked, read_columns, read_json
 from evac.people.population import Group
 from evac.physics.state import Crowd, make_crowd
 from evac.results.recordedcase import CaseTable, GroupTable, Record, recorded_case, with_infinity
-from evac.results.results import CROSSINGS_COLUMNS, DERIVED, EXPOSURE_COLUMNS, MARGIN_COLUMNS, PEOPLE_COLUMNS, Results
+from evac.results.results import (
+    CROSSINGS_COLUMNS,
+    DERIVED,
+    EXPOSURE_COLUMNS,
+    MARGIN_COLUMNS,
+    PEOPLE_COLUMNS,
+    REMOVED,
+    Results,
+)
 from evac.trajectory.trajectory import Trajectory, read_trajectory
 
 
@@ -203,7 +211,8 @@ def _crowd_of(
 ) -> Crowd:
     """Return the people at the end, with NaN for what is not written."""
     n = table.length
-    exit_used, exit_time = table.indices("exit", exits, optional=True), table.numbers("exit_time", 0.0, optional=True)
+    exit_used = table.indices("exit", [*exits, REMOVED], optional=True)
+    exit_time = table.numbers("exit_time", 0.0, optional=True)
     level = table.indices("end_level", levels, optional=True)
     arrival_time = table.numbers("arrival_time", 0.0, optional=True)
     for name, is_known in (("exit_time", np.isfinite(exit_time)), ("end_level", (level < 0) & ~np.isnan(arrival_time))):
@@ -227,7 +236,7 @@ def _crowd_of(
         extra_direction=np.full((n, 2), np.nan),
         exit_time=exit_time,
         arrival_time=arrival_time,
-        exit_used=exit_used,
+        exit_used=np.where(exit_used < len(exits), exit_used, np.int32(-1)),
         distance=table.numbers("distance", 0.0),
         overlap=np.full(n, np.nan),
         contact_force=np.full(n, np.nan),

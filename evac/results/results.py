@@ -63,6 +63,9 @@ if TYPE_CHECKING:
 NUMERICAL_PACKAGES = ("evac", "numpy", "scipy", "numba", "shapely", "scikit-fmm")
 
 EGRESS_COLUMNS = ("time", "number_out")
+
+#: Exit, in people.csv, of people whom a program or a behaviour has removed.
+REMOVED = "-"
 FLOWS_COLUMNS = ("time", "kind", "name", "direction", "count", "flow", "specific_flow")
 CROSSINGS_COLUMNS = ("person", "portal", "time")
 PEOPLE_COLUMNS = (
@@ -548,6 +551,7 @@ class Results:
         crowd = self.crowd
         levels, exits = [*self.level_names, None], [*self.exits, None]  # None: index -1
         routes = [str(route) for route in self.routes]
+        removed = (np.isfinite(crowd.exit_time) & (crowd.exit_used < 0)).tolist()
         return [
             list(range(self.number_of_people)),
             self.group_names(),
@@ -561,7 +565,7 @@ class Results:
             [time if time == time else None for time in crowd.arrival_time.tolist()],  # NaN: not come
             crowd.start_time.tolist(),
             [routes[route] for route in crowd.route.tolist()],
-            [exits[used] for used in crowd.exit_used.tolist()],
+            [REMOVED if gone else exits[used] for used, gone in zip(crowd.exit_used.tolist(), removed, strict=True)],
             [time if time == time else None for time in crowd.exit_time.tolist()],  # NaN: inside
             crowd.distance.tolist(),
             *crowd.position.T.tolist(),

@@ -70,14 +70,17 @@ class Loop:
         simulation, settings = self._simulation, self._settings
         self._end = min(simulation.step + settings.steps_per_tick, settings.last_step)
         self._is_output = self._end % self._steps_per_record == 0
-        phase = self.operations[0].phase
-        with simulation.phases.enter(phase):
+        phase, velocity = self.operations[0].phase, simulation.displacement_velocity
+        velocity.flags.writeable = True
+        with simulation.phases.enter(phase), simulation.population.writable():
             for operation in self.operations:
                 if operation.is_due is None or operation.is_due():
                     if operation.phase != phase:
                         phase = operation.phase
                         simulation.phases.turn_to(phase)
                     operation.act()
+        velocity.flags.writeable = False
+        simulation.population.lock()
 
     def _change(self) -> None:
         """Apply events and other changes of the scene, and let in those whose arrival time has come."""

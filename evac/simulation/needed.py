@@ -114,9 +114,11 @@ def solve_fields(
     full: bool,
     workers: int | None,
     anywhere: bool = False,
+    routes: Sequence[Route] = (),
 ) -> Fields:
-    """Return the directions of a building for the routes that people can take; `anywhere` as for `build_fields`."""
+    """Return the directions for the routes that people can take, and for others; `anywhere` as for `build_fields`."""
     settings = field_settings(case, behaviours, full)
+    settings["routes"] = tuple(dict.fromkeys((*settings["routes"], *routes)))
     _check_names(case, building, settings["routes"])
     return build_fields(building, **settings, workers=workers, anywhere=anywhere)
 

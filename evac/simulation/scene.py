@@ -1,13 +1,15 @@
 """The scene: owner of building, fields and world, which changes during a run."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+import shapely
+from numpy.typing import ArrayLike, NDArray
 
 from evac.base.arrays import IntArray
 from evac.base.change import ALL, Change
@@ -20,7 +22,7 @@ from evac.directions.fields import Fields
 from evac.directions.local import STRATEGIES as LOCAL_STRATEGIES
 from evac.directions.local import LocalWays
 from evac.directions.quickest import Quickest, Settings
-from evac.directions.routes import QUICKEST
+from evac.directions.routes import QUICKEST, Route
 from evac.directions.smoky import Smoky
 from evac.people.places import Places
 from evac.people.population import Population
@@ -118,6 +120,7 @@ class Scene(Saved):
         self._waiting: list[Change] = []
         self._new_ways: list[int] = []
         self.people, self.places = people, places
+        self.let_in: Callable[[], None] | None = None  # places people who were added; set by the simulation
         self._held: set[int] = set()  # closed links that let people through who stand on their lines
         self._owned: dict[str, LevelField] = {}
         self._in_barred: dict[str, NDArray[np.uint8]] = {}  # by area, how each person has been in it
@@ -183,10 +186,93 @@ class Scene(Saved):
         if change.time > self.time + AT_ONCE or self._has_ended:
             self._waiting.append(change)
             return
-        made = KINDS[change.kind].act(self, change)
+        with nullcontext() if self.people is None else self.people.writable():
+            made = KINDS[change.kind].act(self, change)
         if made is not None:
             given = {name: value for name, value in change.values.items() if name != "let_through"}
             self.changes.append(replace(change, time=self.time, values={**given, **made}))
+
+    def people_in(self, where: str | shapely.Geometry | Sequence[Sequence[float]], level: str = "") -> IntArray:
+        """Return the rows of people inside.
+
+        Parameters
+        ----------
+        where : str, shapely geometry, or sequence of (x, y)
+            Name of an area, level, stair or group, everybody if it is empty; or a polygon in plan, or its corners [m].
+        level : str
+            Name of the level of a polygon; all levels if it is empty.
+
+        Raises
+        ------
+        ScenarioError
+            There is nothing of this name.
+        """
+        assert self.people is not None
+        is_named = isinstance(where, str | shapely.Geometry)
+        return self.people.rows_in(self.building, where if is_named else shapely.Polygon(where), level)
+
+    def add(self, group: str, position: Sequence[float] | None = None) -> int:
+        """Let the next person of a group with ``arrive.reserve`` come in, now or as soon as there is room.
+
+        Parameters
+        ----------
+        group : str
+        position : (x, y), optional
+            Where, on the level of the group [m]; by default where the people of the group enter.
+
+        Returns
+        -------
+        int
+            Row of the person, whose level is -1 until there is room.
+
+        Raises
+        ------
+        ScenarioError
+            The group has no reserve, or no more people in it, or the position is not on its level.
+        """
+        assert self.people is not None
+        assert self.let_in is not None
+        place = None if position is None else (float(position[0]), float(position[1]))
+        with self.people.writable():
+            person = self.people.add(self.building, group, self.time, place)
+            self.let_in()
+        return person
+
+    def remove(self, rows: ArrayLike) -> None:
+        """Take people inside out of the building, who count as out from now on, by no exit.
+
+        Parameters
+        ----------
+        rows : (k,) int
+            Those who are not inside are left as they are.
+        """
+        assert self.people is not None
+        with self.people.writable():
+            self.people.remove(np.atleast_1d(np.asarray(rows, np.int32)), self.time)
+
+    def send(self, rows: ArrayLike, route: Route) -> None:
+        """Send people on another route, whatever events and places they followed.
+
+        Parameters
+        ----------
+        rows : (k,) int
+        route : Route
+            One of ``fields.routes``; others are arguments of `Simulation`, or named in `Behaviour.routes`.
+
+        Raises
+        ------
+        ScenarioError
+            There are no directions for the route.
+        """
+        if route not in self.fields.routes:
+            known = "; ".join(map(str, self.fields.routes))
+            raise ScenarioError(f"there are no directions for {route}, only {known}; give it to Simulation as `routes`")
+        assert self.people is not None
+        chosen = np.atleast_1d(np.asarray(rows, np.int32))
+        if self.places is not None:
+            self.places.release(chosen)
+        self.people.crowd.route[chosen] = self.fields.routes.index(route)
+        self.begin_ways(chosen)
 
     def set_open(self, name: str, is_open: bool) -> None:
         """Open or close an exit, a portal, or the portals of a stair now: closed ones are walls on both sides.

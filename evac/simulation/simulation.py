@@ -1,6 +1,6 @@
 """The simulation: all parts of a run."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from numbers import Integral
@@ -23,6 +23,7 @@ from evac.case.schema import LONGEST_RUN
 from evac.case.trust import run_plugin_files
 from evac.contract.registry import Registry
 from evac.directions.fields import Fields
+from evac.directions.routes import Route
 from evac.jit.loading import Compiling, addresses_of
 from evac.people.groups import check_people
 from evac.people.outside import PeopleOutside
@@ -57,6 +58,8 @@ class Simulation(Saved):
         summary.json are written by `Results.write`, a whole result folder by `evac.run`.
     full : bool
         Include the parts that the scene does not need: identical results, slower.
+    routes : sequence of Route
+        Routes on which `Scene.send` can send people, in addition to those that the case needs.
     in_memory : bool
         Keep the trajectory in memory if there is no folder, for `Results.trajectory`.
     shared_scene : SharedScene, optional
@@ -124,6 +127,7 @@ class Simulation(Saved):
         folder: str | Path | None = None,
         full: bool = False,
         *,
+        routes: Sequence[Route] = (),
         in_memory: bool = False,
         shared_scene: SharedScene | None = None,
         will_run: bool = True,
@@ -131,7 +135,7 @@ class Simulation(Saved):
         compiling: Compiling | None = None,
     ) -> None:
         check_types(folder=(folder, PATH | None), full=(full, bool), workers=(workers, Integral | None))
-        check_types(in_memory=(in_memory, bool), compiling=(compiling, Callable | None))
+        check_types(in_memory=(in_memory, bool), compiling=(compiling, Callable | None), routes=(routes, Sequence))
         self.case = case = run_plugin_files(as_case(case))
         self.registry: Registry = case.registry
         self.folder, self.full = None if folder is None else Path(folder), full
@@ -139,10 +143,15 @@ class Simulation(Saved):
         self.phases, self.ended = Phases(), ""
         self.resumed: list[dict[str, Any]] = []
         with self.phases.enter("preparation"):
-            self._make(shared_scene, will_run, workers, compiling)
+            self._make(shared_scene, will_run, workers, compiling, routes)
 
     def _make(
-        self, shared_scene: SharedScene | None, will_run: bool, workers: int | None, compiling: Compiling | None
+        self,
+        shared_scene: SharedScene | None,
+        will_run: bool,
+        workers: int | None,
+        compiling: Compiling | None,
+        routes: Sequence[Route],
     ) -> None:
         """Create the parts of the run, each from those before it, and call the hooks and `prepare` of plugins."""
         case, settings = self.case, self.case.simulation
@@ -159,7 +168,8 @@ class Simulation(Saved):
             used = assembly.ENGINE, building, self.contact, self.forces, behaviours
             kernels = needed.run_kernels(case, *used, self.full) if will_run else []
             addresses_of([*needed.SET_UP, *kernels], compiling)
-        solve = partial(needed.solve_fields, case, behaviours=behaviours, full=self.full, workers=workers)
+        given = {"behaviours": behaviours, "full": self.full, "workers": workers, "routes": routes}
+        solve = partial(needed.solve_fields, case, **given)
         with naming(case.source), self.phases.enter("directions"):
             shared_scene = shared_scene or SharedScene(building, solve(building))
         with noting(building.warnings), self.phases.enter("people"):
@@ -179,11 +189,13 @@ class Simulation(Saved):
             self.outside = PeopleOutside(building, crowd) if keeps else None
             self.deciding = Deciding(self, behaviours)
             self.behaviours = self.deciding.used
+            self.scene.let_in = self.let_in
         self.engine = assembly.make_engine(self, behaviours)
         self.watch = Watch(crowd.radius, len(building.levels), settings.tick, case.output.every, promised)
         stopped = None if self.exposure is None else self.exposure.stopped
-        routes, staying = len(self.fields.routes), self.population.staying
-        self.ending = Ending(settings, len(crowd.level), routes, self.places.arrived, staying, stopped)
+        ways, staying = len(self.fields.routes), self.population.staying
+        reserve = self.population.reserve
+        self.ending = Ending(settings, len(crowd.level), ways, self.places.arrived, staying, stopped, reserve)
         self.deciding.prepare()
         self.loop = Loop(self)
         self.plan = needed.explain(self, forces, behaviours)
@@ -302,8 +314,9 @@ class Simulation(Saved):
         self.loop.advance()
 
     def let_in(self) -> None:
-        """Place the people whose arrival time has come, as far as there is room for them."""
-        came = self.population.arrive(self.building, self.time)
+        """Place the people whose arrival time has come, or who were added, as far as there is room for them."""
+        with self.population.writable():
+            came = self.population.arrive(self.building, self.time)
         crowd = self.population.crowd
         self.start_position[came], self.start_level[came] = crowd.position[came], crowd.level[came]
         if len(came):
@@ -326,7 +339,7 @@ class Simulation(Saved):
         return self.step < settings.last_step and bool(changes) and any(arrived[some].any() for some in rows)
 
     def stop(self) -> None:
-        """End the run with this tick, unless it has ended already."""
+        """End the run now, unless it has ended already; `results` are those until now."""
         self.ended = self.ended or INTERRUPTED
 
     def results(self) -> Results:
@@ -420,7 +433,8 @@ class Simulation(Saved):
         """
         with self.phases.enter("kernels"):
             self.engine.load(self.contact)
-        super().restore(state)
+        with self.population.writable():
+            super().restore(state)
         self.scene.keep_doorway_open()
         settings, contact = self.case.simulation, self.contact
         if self.step % settings.steps_per_tick and self.step < settings.last_step:

@@ -226,12 +226,15 @@ def _truncated(folder: Path, files: Mapping[str, int]) -> Iterator[None]:
 def reading(simulation: "Simulation", what: str, plugin: Any) -> Iterator[None]:
     """Run code of a plugin that only reads a simulation, whose arrays are read-only within the context."""
     arrays = [*simulation.population.crowd.values().values(), simulation.displacement_velocity]
+    arrays = [array for array in arrays if array.flags.writeable]
+    simulation.population.is_read_only = True
     for array in arrays:
         array.flags.writeable = False
     try:
         with plugin_code(what, plugin, READ):
             yield
     finally:
+        simulation.population.is_read_only = False
         for array in arrays:
             array.flags.writeable = True
 

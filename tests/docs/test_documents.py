@@ -177,8 +177,9 @@ def test_python_of_the_guide_to_embedding_runs_with_the_bits_that_it_promises(te
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("interrupted ")
     assert lines[2] == str(["'door' closed at 3 s", "'door' opened at 9 s"])
-    assert float(lines[3].split()[2]) > float(lines[4].split()[2])  # the wider exit
+    assert float(lines[4].split()[2]) > float(lines[5].split()[2])  # the wider exit
     events = [{"time": time, "kind": kind, "target": "door"} for time, kind in ((3.0, "close"), (9.0, "open"))]
+    assert re.fullmatch(r"21 out, \d+ by west; the guest after \d\.\d s", lines[3])
     with_events, stepped = evac.run(names["case"].change({"event": events})), names["simulation"].results()
     np.testing.assert_array_equal(with_events.crowd.exit_time, stepped.crowd.exit_time)
     assert with_events.changes == stepped.changes
