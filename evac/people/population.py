@@ -183,7 +183,8 @@ class Population(Saved):
         """
         if isinstance(name, shapely.Geometry):
             rows = self.rows_in(building, level)
-            return rows[shapely.intersects_xy(name, *self.crowd.position[rows].T)]
+            inside: BoolArray = shapely.intersects_xy(name, *self.crowd.position[rows].T)
+            return rows[inside]
         crowd, parts = self.crowd, building.parts_named(name)
         is_in = crowd.level >= 0
         if parts:

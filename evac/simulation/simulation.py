@@ -168,7 +168,7 @@ class Simulation(Saved):
             used = assembly.ENGINE, building, self.contact, self.forces, behaviours
             kernels = needed.run_kernels(case, *used, self.full) if will_run else []
             addresses_of([*needed.SET_UP, *kernels], compiling)
-        given = {"behaviours": behaviours, "full": self.full, "workers": workers, "routes": routes}
+        given: dict[str, Any] = {"behaviours": behaviours, "full": self.full, "workers": workers, "routes": routes}
         solve = partial(needed.solve_fields, case, **given)
         with naming(case.source), self.phases.enter("directions"):
             shared_scene = shared_scene or SharedScene(building, solve(building))
