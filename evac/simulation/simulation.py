@@ -168,8 +168,9 @@ class Simulation(Saved):
             used = assembly.ENGINE, building, self.contact, self.forces, behaviours
             kernels = needed.run_kernels(case, *used, self.full) if will_run else []
             addresses_of([*needed.SET_UP, *kernels], compiling)
-        given: dict[str, Any] = {"behaviours": behaviours, "full": self.full, "workers": workers, "routes": routes}
-        solve = partial(needed.solve_fields, case, **given)
+        solve = partial(
+            needed.solve_fields, case, behaviours=behaviours, full=self.full, workers=workers, routes=routes
+        )
         with naming(case.source), self.phases.enter("directions"):
             shared_scene = shared_scene or SharedScene(building, solve(building))
         with noting(building.warnings), self.phases.enter("people"):
