@@ -372,7 +372,9 @@ def get_on(world, crowd, sights, seen, motion, rule, length, turn, time, most, i
         else:
             left = free_way(crowd, seen, motion, rule, k, wanted, i, hx, hy)
             if seen.relation[k] == STANDS:  # a way of tau u is left to the present velocity u
-                left -= crowd.tau[i] * math.sqrt(motion.velocity[i, 0] ** 2 + motion.velocity[i, 1] ** 2)
+                carried_x, carried_y = ground_velocity(world, sights, i)
+                ux, uy = motion.velocity[i, 0] - carried_x, motion.velocity[i, 1] - carried_y
+                left -= crowd.tau[i] * math.sqrt(ux * ux + uy * uy)
             left = max(left, 0.0) / rule.stop_time
         if left < best and is_seen(world, sights, seen, i, k):
             best, least = left, min(rule.creep, wanted)
@@ -396,13 +398,14 @@ def look(world, crowd, sights, seen, motion, rule, length, most, i):  # type: ig
         reach = min(reach, LONGEST * max(behind, wide + GAP + max(aside, rule.stop_time * wanted)))
     list_near(world, sights, i, reach, ex, ey, hx, hy)
     seen.number = 0
+    carried_x, carried_y = ground_velocity(world, sights, i)
     for k in range(sights.number):
         j = sights.near[k]
         dx, dy = sights.position[j, 0] - sights.position[i, 0], sights.position[j, 1] - sights.position[i, 1]
         s = math.sqrt(dx * dx + dy * dy)
         if j == i or s == 0.0:
             continue
-        ux, uy = motion.velocity[j, 0], motion.velocity[j, 1]
+        ux, uy = motion.velocity[j, 0] - carried_x, motion.velocity[j, 1] - carried_y
         reach = crowd.contact_radius[i] + crowd.contact_radius[j]
         relation, bound = relation_of(crowd, sights, motion, i, j, dx, dy), math.inf
         if relation == LEADS:
@@ -427,6 +430,15 @@ def look(world, crowd, sights, seen, motion, rule, length, most, i):  # type: ig
             place -= 1
         seen.order[place] = m
         seen.number = m + 1
+
+
+@inner
+def ground_velocity(world, sights, i):  # type: ignore[no-untyped-def]
+    """Return the velocity of the ground under person i, which moves on escalators; to it, all others are relative."""
+    level = sights.level[i]
+    if 0 <= level < sights.levels:
+        return world.carry[level, 0], world.carry[level, 1]
+    return 0.0, 0.0
 
 
 @inner

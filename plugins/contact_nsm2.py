@@ -6,7 +6,13 @@ from collections.abc import Mapping
 from evac.base.parameters import Parameter
 from evac.jit import Struct, inner, kernel
 from evac.physics import tallies as at
-from evac.physics.contact.contacts import keep_only_meeting, normal_velocity, report_contact_force, tangential_velocity
+from evac.physics.contact.contacts import (
+    ground_along,
+    keep_only_meeting,
+    normal_velocity,
+    report_contact_force,
+    tangential_velocity,
+)
 from evac.physics.contact.model import BorderScene, SolvedContactModel
 from evac.physics.contact.overlaps import is_to_separate
 from evac.physics.contact.percussions import find_percussions
@@ -51,7 +57,7 @@ def solve_velocities(state: State, own: Dissipation, h: float) -> int:
         if 0.0 < contacts.gap[c] <= own.margin:  # counts as touching; overlaps have been counted before
             tally[at.CONTACTS] += 1.0
     if own.tangential_dissipation > 0.0 or state.clock.full:
-        _stick(bodies, contacts)
+        _stick(state.world, bodies, contacts)
     is_elastic = math.isinf(own.normal_dissipation)
     tangential, tolerance, limit = own.tangential_dissipation, own.velocity_tolerance, own.iterations
     enough = math.inf if is_elastic else tolerance
@@ -79,12 +85,13 @@ def solve_velocities(state: State, own: Dissipation, h: float) -> int:
 
 
 @inner
-def _stick(bodies, contacts):
+def _stick(world, bodies, contacts):
     """Mark the closing contacts, to which the tangential law applies, and store their tangential velocities."""
     for c in range(contacts.number):
         if normal_velocity(bodies.free, contacts, c) < 0.0:
             contacts.sticky[c] = 1
-            contacts.slide_before[c] = tangential_velocity(bodies.velocity, contacts, c)
+            before = tangential_velocity(bodies.velocity, contacts, c)
+            contacts.slide_before[c] = before - 2.0 * ground_along(world, bodies, contacts, c)  # before and after
             contacts.friction[c] = 0.0
 
 

@@ -4,12 +4,14 @@ import numbers
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from evac.base.errors import is_one_line
-from evac.base.keys import Real, Table, Whole, key, wrong
+from evac.base.keys import Name, Real, Table, Whole, key, wrong
+
+Described = TypeVar("Described", bound=Table)
 
 #: Least share of their speeds at which people walk in a slow area; areas that nobody shall enter are barred.
 LEAST_SHARE = 0.01
@@ -46,6 +48,22 @@ class Control(Table):
         return self
 
 
+class Moving(Table):
+    """How the ground of an escalator or a moving walkway moves; while it does, it is passed in this direction only."""
+
+    speed: Real = key("speed of the ground along the slope", "m/s", gt=0, le=2)
+    towards: Name | Annotated[Real, Field(ge=-360, le=360)] = key(
+        'where to: "up", "down", the name of the level ahead, or the direction in plan, counterclockwise from x '
+        "[degrees]",
+        "",
+        "up",
+    )
+
+    def __str__(self) -> str:
+        where = self.towards if isinstance(self.towards, str) else f"{self.towards:g} degrees"
+        return f"{where} at {self.speed:g} m/s"
+
+
 #: What the value of each kind of change may be.
 REMEDIES = {
     "open": "no value",
@@ -53,6 +71,7 @@ REMEDIES = {
     "no_entry": "no value, or false to lift it",
     "control": "a table with every, most, delay or hold, or false to lift it",
     "one_way": '"up", "down", "in", "out", the name of the level or area ahead, or false for both directions',
+    "move": "a table with speed and towards, or false to stop it",
     "slow": f"a share of the speed from {LEAST_SHARE:g} to 1",
     "bar": "no value, or false to lift it",
     "strategy": "the name of a strategy, or a list of exits or of assembly areas",
@@ -70,6 +89,8 @@ def is_legal(kind: str, value: Any) -> bool:
             return value is None or value is False
         case "control":
             return value is False or (isinstance(value, dict) and control_of(value) is not None)
+        case "move":
+            return value is False or (isinstance(value, dict) and moving_of(value) is not None)
         case "one_way":
             return value is False or _is_text(value)
         case "slow":
@@ -92,9 +113,9 @@ class Change:
     time : float
         Time [s] at which it takes effect: the beginning of a tick.
     kind : str
-        ``open``, ``close``, ``one_way`` or ``control`` for exits, portals, stairs and doors, ``no_entry``, ``slow`` or
-        ``bar`` for areas, levels and stairs, ``strategy`` for groups, ``alarm`` for areas, levels, groups or, with an
-        empty name, everybody.
+        ``open``, ``close``, ``one_way`` or ``control`` for exits, portals, stairs and doors, ``move`` for stairs,
+        ``no_entry``, ``slow`` or ``bar`` for areas, levels and stairs, ``strategy`` for groups, ``alarm`` for areas,
+        levels, groups or, with an empty name, everybody.
     what : str
         Name of what changes.
     values : mapping of str to number, str, bool, tuple of these, or the table of a control
@@ -142,6 +163,7 @@ class Change:
             "close": CLOSED.get(value, "closed"),
             "no_entry": "open to those who would enter" if ends else "closed to those who would enter",
             "control": f"controlled: {control_of(value)}" if isinstance(value, dict) else "without control",
+            "move": f"moves {moving_of(value)}" if isinstance(value, dict) else "stands still",
             "one_way": "two-way" if ends else f"one-way, {value},",
             "slow": f"at {value} of the speed",
             "bar": "free" if ends else "barred",
@@ -166,8 +188,17 @@ class Change:
 
 def control_of(value: Any) -> Control | None:
     """Return the control that a table describes, None if it describes none."""
+    return _read(Control, value)
+
+
+def moving_of(value: Any) -> Moving | None:
+    """Return the motion of ground that a table describes, None if it describes none."""
+    return _read(Moving, value)
+
+
+def _read(kind: type[Described], value: Any) -> Described | None:
     try:
-        return Control.model_validate(value)
+        return kind.model_validate(value)
     except ValidationError:
         return None
 

@@ -5,7 +5,7 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
-from evac.base.change import Control
+from evac.base.change import Control, Moving
 from evac.base.defaults import HEADROOM, LEAST_LENGTH, WELD
 from evac.base.keys import Coordinate, Name, Point, Real, Switch, Table, key, wrong
 
@@ -105,6 +105,11 @@ class BuildingOptions(SurfaceOptions):
     missing: tuple[str, ...] = key("what an incomplete import lacks; every run reports it as a quality warning", "", ())
     controls: dict[Name, Control] = key(
         "tables `[building.controls.NAME]`: how an exit, portal, stair or door of the building lets people through",
+        "",
+        {},
+    )
+    moving: dict[Name, Moving] = key(
+        "tables `[building.moving.NAME]`: how the ground of a stair moves, which is an escalator or a moving walkway",
         "",
         {},
     )

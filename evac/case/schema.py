@@ -551,9 +551,9 @@ class EventSettings(Table):
     time: Annotated[Real, Field(ge=0, le=LONGEST_RUN)] | None = key("time of the event; this or `when`", "s", None)
     when: WhenSettings | None = key("what makes it happen, once; this or `time`", "", None)
     kind: KindOfChange = key(
-        "`open` or `close` an exit, portal, stair or door, make it `one_way`, or `control` it; `slow` people in an "
-        "area or on a level, `bar` it, or let people only leave it (`no_entry`); change the `strategy` of a group; "
-        "sound an `alarm`"
+        "`open` or `close` an exit, portal, stair or door, make it `one_way`, or `control` it; `move` an escalator; "
+        "`slow` people in an area or on a level, `bar` it, or let people only leave it (`no_entry`); change the "
+        "`strategy` of a group; sound an `alarm`"
     )
     target: str = key(
         "name of what changes: exit, portal, stair, door, area, level or group; of an alarm, an area, a level or a "
@@ -565,6 +565,7 @@ class EventSettings(Table):
         '`close`: "bodies" if ways still lead through, so that people wait before it; of a stair "leave", the default, '
         'if those on it go on and it closes behind the last of them, or "all" if it shuts them in; `no_entry`: false '
         "to end it; `control`: a table with the keys of `[building.controls]`, or false to end it; "
+        "`move`: a table with the keys of `[building.moving]`, or false to stop it; "
         '`one_way`: for portals and stairs "up", "down" or the name of the level to which they lead, for exits "in" or '
         '"out", for doors the name of an area on the side to which they lead; false for both directions; `slow`: the '
         "relative speed, 1 to end it; `bar`: false to end it; `strategy`: the name of a strategy, or a list of exits "

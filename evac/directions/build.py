@@ -29,6 +29,7 @@ from evac.directions.lengths import (
     continue_values,
     ends_of_route,
     routes_at_present,
+    slowness_of,
     strips_of,
     take_halos,
 )
@@ -448,10 +449,9 @@ def _solve(
 ) -> Generator[tuple[FloatArray, FloatArray], None, None]:
     """Yield directions (nodes, 2) and travel times (nodes,) to the exits of each route on all grids, as marched."""
     building = grids.building
-    cosine = np.array([math.cos(level.slope) for level in building.levels])
     marches = []
     for rate, exits, barred in zip(solver.rates, ways, solver.barred, strict=True):
-        slowness = rate / cosine[:, None]
+        slowness = slowness_of(building, rate)
         is_plain = not building.has_areas_to_heed
         marches.append(March(Metric(slowness, avoided, is_plain), exits, barred))
         if bent is not None:

@@ -42,6 +42,20 @@ class Marched:
     classes: tuple[MarchedClass, ...]
 
 
+def slowness_of(building: Building, rate: FloatArray) -> FloatArray:
+    """Return the time per metre in plan of each level and use (levels, 3), from that along the slope [s/m].
+
+    On escalators that move, it is the time of people who stand, except for the shortest way, which heeds no speeds.
+    Moving walkways count as the floor, as travel times are at least those at 1 m/s.
+    """
+    slowness: FloatArray = rate / np.array([[math.cos(level.slope)] for level in building.levels])
+    if (rate != rate[0]).any():
+        for level, x, y in building.moving:
+            if building.levels[level].slope > 0.0:
+                slowness[level] = 1.0 / math.hypot(x, y)
+    return slowness
+
+
 def routes_at_present(building: Building, routes: Sequence[Route]) -> tuple[Route, ...]:
     """Return routes that lead to any exit instead of those whose exits are all closed."""
     names = [exit_.name for exit_ in building.exits if building.is_open(exit_)]

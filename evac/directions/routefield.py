@@ -14,7 +14,14 @@ from evac.building.model.building import FLAT, Area, Exit
 from evac.directions.descent import Ways, descend
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.gates import STEP, Gates
-from evac.directions.lengths import ends_of_route, exits_of_route, make_ways, routes_at_present, strips_of
+from evac.directions.lengths import (
+    ends_of_route,
+    exits_of_route,
+    make_ways,
+    routes_at_present,
+    slowness_of,
+    strips_of,
+)
 from evac.directions.march.waves import APART, FAR, FINAL, MarchState, find_speeds, march_waves
 from evac.directions.pockets import Pockets
 from evac.directions.raster.grids import OWN, BuildingGrids, lead_through_doors
@@ -55,7 +62,7 @@ class RouteField(Saved):
         self._travel_time, self._all_directions = travel_time, direction
         base = self._read(fields.packed)
         ways = make_ways(grids, np.zeros(0))
-        slowness = marched.rates[index] / ways.cosine[:, None]
+        slowness = slowness_of(grids.building, marched.rates[index])
         present = routes_at_present(marched.building, fields.routes)[index]
         exits = exits_of_route(grids.building, present)
         strips, starts = _strips_and_starts(grids, exits, base, slowness)

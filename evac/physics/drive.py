@@ -100,7 +100,7 @@ def drive(state):
 
     Integrates eq. 33 by explicit Euler as in the paper, or by the exact solution of its linear term with constant
     forces during the step; without inertia, the velocity is the steady one, v e_d + tau f / m. Before its response
-    time, the desired velocity of a person is zero.
+    time, a person wants to stand. Desired velocities are relative to the ground, which moves on escalators.
     """
     world, bodies = state.world, state.bodies
     time, h, explicit, overdamped = state.clock.time, state.clock.h, state.clock.explicit, state.traits.overdamped
@@ -111,13 +111,13 @@ def drive(state):
     for i in range(bodies.inside):
         if bodies.level[i] < 0:
             continue
-        vx = 0.0
-        vy = 0.0
+        vx = world.carry[bodies.level[i], 0]
+        vy = world.carry[bodies.level[i], 1]
         if time >= bodies.start_time[i]:
             ex, ey = bodies.desired[i, 0], bodies.desired[i, 1]
             speed = desired_speed(world, bodies, i, ex, ey)
-            vx = speed * ex
-            vy = speed * ey
+            vx += speed * ex
+            vy += speed * ey
         ux, uy = bodies.velocity[i, 0], bodies.velocity[i, 1]
         tau = bodies.tau[i]
         if overdamped:

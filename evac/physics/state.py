@@ -187,6 +187,7 @@ class World(Struct):
     link_from: Ints  # (portals + exits + doors,) level from which a link in state 2 lets everybody through, -1 for none
     uphill: Pairs  # (levels, 2) unit plan vector, zero on the flat
     cosine: Floats  # (levels,) cosine of the slope
+    carry: Pairs  # (levels, 2) velocity of the ground in plan, as of escalators [m/s]
     backed: Bytes  # (levels,) 1: the level has walls right behind one of its exits
     linked: ByteGrid  # (levels, levels) 1: same level or at most two portals apart
     linked_start: Ints  # (levels + 1,) first of a level in linked_level

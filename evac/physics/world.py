@@ -30,7 +30,11 @@ def make_world(building: Building, fields: Fields) -> World:
     door_level = np.array([door.level for door in building.doors], dtype=np.int32)
     walls = np.concatenate([building.walls.reshape(-1, 4), doors, segment])
     link_open = np.ones(len(building.links), np.uint8)
-    link_open[list(building.closed)], link_open[[*building.controlled]] = 0, 2
+    link_open[list(building.shut)], link_open[[*building.controlled, *building.directed]] = 0, 2
+    link_from = np.full(len(building.links), -1, np.int32)
+    for number, origin in building.directed.items():
+        if len(building.links[number].levels) == 2 and number not in building.controlled:
+            link_from[number] = origin
     wall_level = np.concatenate([building.wall_level, door_level, link_level]).astype(np.int32)
     # Only people on levels at most two portals apart can touch each other.
     neighbours = np.eye(len(building.levels), dtype=np.int64)
@@ -50,10 +54,11 @@ def make_world(building: Building, fields: Fields) -> World:
         link_to=to,
         link_id=link,
         link_open=link_open,
-        link_from=np.full(len(building.links), -1, np.int32),
+        link_from=link_from,
         doors=len(doors),
         uphill=np.array([level.climb for level in building.levels], dtype=np.float64).reshape(count, 2),
         cosine=np.cos([level.slope for level in building.levels]),
+        carry=building.ground_velocity,
         backed=walls_behind_exits(building),
         linked=linked,
         linked_start=np.concatenate([[0], np.cumsum(linked.sum(axis=1, dtype=np.int32))]).astype(np.int32),

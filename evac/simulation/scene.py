@@ -162,7 +162,7 @@ class Scene(Saved):
     def world(self) -> World:
         """The scene in the form that kernels read; updated when the scene changes."""
         world = self.shared_scene.world  # scenes share all arrays except those that are written
-        own = {name: getattr(world, name).copy() for name in ("link_open", "link_from", "wall_open")}
+        own = {name: getattr(world, name).copy() for name in ("link_open", "link_from", "wall_open", "carry")}
         return world.replace(fields=self.fields.packed, **own)
 
     def apply(self, change: Change) -> None:
@@ -477,6 +477,7 @@ class Scene(Saved):
         self.controls.reset(changing)
         for link in changing | {link for link, _ in before.one_way ^ building.one_way}:
             self._set_open(link)
+        self.world.carry[:] = building.ground_velocity
         self.keep_doorway_open()
         if self._solve is not None and building.for_ways.condition != before.for_ways.condition:
             self.fields = self._own_fields(self._solve(building.for_ways))

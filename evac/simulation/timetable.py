@@ -120,7 +120,7 @@ _BUILDING = Kind(_check_building, _change_building)
 
 #: All kinds of change.
 KINDS = {
-    **dict.fromkeys(("open", "close", "no_entry", "control", "one_way", "slow", "bar"), _BUILDING),
+    **dict.fromkeys(("open", "close", "no_entry", "control", "one_way", "move", "slow", "bar"), _BUILDING),
     "strategy": Kind(_check_strategy, _change_strategy),
     "alarm": Kind(_find_people, lambda scene, change: {}),  # on which behaviours act
 }

@@ -4,6 +4,7 @@ A person who starts from rest with desired speed v accelerates as v (1 - exp(-t 
 L metres take L / v + tau once exp(-t / tau) has decayed.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -12,6 +13,7 @@ from scipy import stats
 from shapely import box
 
 from evac.base.arrays import FloatArray
+from evac.building.plan.plan import Plan
 from evac.standard.plans import CROWD_SPEED, Row, across, crowd, one_storey, straight_stair
 from evac.standard.trial import Check, Outcome, Trial, check, standard_test
 
@@ -96,6 +98,39 @@ def long_stair(trial: Trial) -> Iterator[Check]:
     """Time 100 m up and down at 1 m/s."""
     for way in ("up", "down"):
         yield from stair(trial, way, 1.0, 100.0, 1.0)
+
+
+@standard_test("ISO-21", "escalators: who stands, who walks, and their direction")
+def escalator(trial: Trial, speed: float = 0.5, own: float = 0.6, width: float = 1.0) -> Iterator[Check]:
+    """Time people on an escalator of 12 m at 30 degrees, from 2 m behind its beginning; send others beside it down."""
+    run, rise = 12.0 * math.cos(math.radians(30.0)), 6.0
+    plan = Plan()
+    plan.storey("lower", box(-5, 0, 0, 4), 0.0)
+    plan.storey("upper", box(run, 0, run + 5, 4), rise)
+    for name, y in (("up", 0.5), ("down", 2.5)):
+        plan.stair(name, "lower", across(0, y, y + width), "upper", across(run, y, y + width))
+    plan.exit("bottom", "lower", across(-5, 0, 4))
+    plan.exit("top", "upper", across(run + 5, 0, 4))
+    moving = {name: {"speed": speed, "towards": name} for name in ("up", "down")}
+    building = {"plan": plan, "moving": moving}
+    rider = _place(-1.5, 1.0, speed_up=own, exits=["top"])
+    for share, title, fast in ((0.0, "stands", speed), (1.0, "walks", speed + own)):
+        riding = {"riding": {"walking": share}}
+        runs = trial.runs(plan, [rider], title, building=building, behaviours=riding)
+        times = [float(one.passing_times(0, run)[0] - one.passing_times(0, 2.0)[0]) for one in runs]
+        by_hand = (run - 2.0) / math.cos(math.radians(30.0)) / fast
+        words = f"time along the escalator of one who {title} [s]"
+        yield check(words, "L / v or L / (v + own speed), ± 1 %", times, 0.99 * by_hand, 1.01 * by_hand)
+    both = [
+        {**ONE, "positions": [[x, 1.0 + 0.5 * k] for k in range(4)], "z": z, "exits": [way]}
+        for x, z, way in ((-2.0, 0.0, "top"), (run + 2.0, rise, "bottom"))
+    ]
+    wrong = []
+    for one in trial.runs(plan, both, "both", building=building):
+        steep = {level.stair: level.index for level in one.results.building.levels if level.stair}
+        levels = one.trajectory.level
+        wrong.append(float((levels[:, :4] == steep["down"]).sum() + (levels[:, 4:] == steep["up"]).sum()))
+    yield check("states of people who go the wrong way", "they must not", wrong, 0.0, 0.0)
 
 
 @standard_test("RiMEA-5 IMO-5", "response times, and nobody moves before", runs=5)

@@ -61,6 +61,7 @@ def building_to_json(building: Building) -> dict[str, Any]:
         "warnings": list(building.warnings),
         "closed": sorted(building.closed),
         "north": building.north,
+        "moving": sorted(building.moving),
         "controls": [[link, control.model_dump(exclude_none=True)] for link, control in building.controlled.items()],
     }
 
@@ -94,6 +95,7 @@ def building_from_json(data: Mapping[str, Any]) -> Building:
         findings=as_findings(tuple(data["warnings"])),
         closed=frozenset(data["closed"]),
         north=data.get("north"),
+        moving=frozenset((level, x, y) for level, x, y in data.get("moving", ())),
         controls=frozenset((link, Control.model_validate(control)) for link, control in data.get("controls", ())),
         **parts,
     )

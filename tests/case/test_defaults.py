@@ -24,6 +24,7 @@ TABLE = {
         "exits": [{"name": "door", "segment": [[0.0, 2.0], [0.0, 3.0]], "z": 0.0}],
         "areas": [{"name": "room", "polygon": [[1, 1], [4, 1], [4, 4], [1, 4]], "z": 0.0}],
         "controls": {"door": {"every": 2.0}},
+        "moving": {"stair 1": {"speed": 0.5}},
         "obstacles": [{"name": "post", "polygon": [[4.5, 4.5], [4.7, 4.5], [4.7, 4.7]], "z": 0.0}],
     },
     "directions": {"quickest": {}},
@@ -51,12 +52,17 @@ TABLE = {
     "plugins": {},
 }
 
+#: A room, a stair and a floor above.
+MESH = "".join(f"v {x} {y} {z}\n" for x, z in ((0, 0), (5, 0), (9, 2.5), (12, 2.5)) for y in (0, 5))
+MESH += "f 1 3 4 2\nf 3 5 6 4\nf 5 7 8 6\n"
+
 #: The path of each table of a case.
 TABLES = (
     (),
     ("building",),
     ("building", "exits", 0),
     ("building", "controls", "door"),
+    ("building", "moving", "stair 1"),
     ("building", "areas", 0),
     ("building", "obstacles", 0),
     ("directions",),
@@ -109,7 +115,7 @@ def defaults():
 @pytest.fixture(scope="module")
 def load(tmp_path_factory):
     with contextlib.chdir(tmp_path_factory.mktemp("room")):
-        Path("room.obj").write_text("v 0 0 0\nv 5 0 0\nv 5 5 0\nv 0 5 0\nf 1 2 3 4\n")
+        Path("room.obj").write_text(MESH)
         yield lambda table: load_case(table, registry=REGISTRY)
 
 

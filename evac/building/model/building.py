@@ -288,6 +288,8 @@ class Building:
         Links through which ways lead even while they are closed or of the other direction: people wait before them.
     controls : frozenset of (int, Control)
         Open links that let people through in another way than all at once.
+    moving : frozenset of (int, float, float)
+        Levels whose ground moves, as that of escalators, each with the velocity of the ground in plan [m/s].
     emptying : frozenset of str
         Stairs that close when those on them have left.
     slowed : frozenset of (str, float)
@@ -328,6 +330,7 @@ class Building:
     north: float | None = None
     controls: frozenset[tuple[int, Control]] = frozenset()
     emptying: frozenset[str] = frozenset()
+    moving: frozenset[tuple[int, float, float]] = frozenset()
 
     def __repr__(self) -> str:
         exits = ", ".join(exit_.name for exit_ in self.exits) or "none"
@@ -428,7 +431,15 @@ class Building:
     def condition(self) -> Hashable:
         """All that changes of a scene can change: equal for buildings that are the same at two times of a run."""
         own = self.closed, self.one_way, self.slowed, self.barred, self.awaited, self.costs, self.jumps
-        return *own, self.controls, self.emptying
+        return *own, self.controls, self.emptying, self.moving
+
+    @property
+    def ground_velocity(self) -> FloatArray:
+        """Velocity of the ground of each level in plan, (levels, 2) [m/s]; zero where nothing moves."""
+        velocity = np.zeros((len(self.levels), 2))
+        for level, x, y in self.moving:
+            velocity[level] = x, y
+        return velocity
 
     @cached_property
     def for_ways(self) -> "Building":

@@ -1,5 +1,6 @@
 """Portals, exits and stairs by name, their closing, and the levels from which exits can be reached."""
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -7,7 +8,8 @@ from typing import Any
 import numpy as np
 import shapely
 
-from evac.base.change import BODIES, LEAVE, Change, Control
+from evac.base.arrays import FloatArray
+from evac.base.change import BODIES, LEAVE, Change, Control, Moving
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
 from evac.building.geometry import connected_components, place_of
@@ -95,6 +97,8 @@ def changed(building: Building, change: Change) -> Building:
             links = links_named(building, change.what)
             ways = {(link, _origin(building, link, value)) for link in links if isinstance(value, str)}
             after = replace(building, one_way=_replaced(building.one_way, links, ways))
+        case "move":
+            after = set_moving(building, change.what, None if value is False else Moving.model_validate(value))
         case "slow":
             name, share = _area(building, change.what), float(1.0 if value is None else value)
             slowed = {one for one in building.slowed if one[0] != name}
@@ -120,6 +124,56 @@ def with_controls(building: Building, controls: Mapping[str, Control | None]) ->
         new = set() if control is None else {(link, control) for link in links}
         building = replace(building, controls=_replaced(building.controls, links, new))
     return building
+
+
+def set_moving(building: Building, name: str, moving: Moving | None) -> Building:
+    """Return a building in which the ground of a stair moves, and is passed in this direction only; None: it stops."""
+    pieces = building.pieces_of(name)
+    if not pieces:
+        raise BuildingError(
+            f"{building.source}: no stair is named {name!r} that could move; {did_you_mean(name, [*building.stairs])}"
+        )
+    flights = [level for level in pieces if building.levels[level].slope > 0.0]
+    velocities = {} if moving is None else {level: _velocity(building, level, moving) for level in flights or pieces}
+    ways = set()
+    for level, velocity in velocities.items():
+        for portal in building.portals_of(level):
+            is_ahead = velocity @ _from_centre(building, level, portal) > 0.0
+            ways.add((portal.index, level if is_ahead else portal.other(level)))
+    links = {portal.index for level in flights or pieces for portal in building.portals_of(level)}
+    others = {one for one in building.moving if one[0] not in pieces}
+    return replace(
+        building,
+        moving=frozenset(others | {(level, *velocity.tolist()) for level, velocity in velocities.items()}),
+        one_way=_replaced(building.one_way, links, ways),
+    )
+
+
+def _velocity(building: Building, number: int, moving: Moving) -> FloatArray:
+    """Return the velocity of the ground of a level in plan, (2,) [m/s]."""
+    level, towards, way = building.levels[number], moving.towards, np.zeros(2)
+    beside = [(portal, building.levels[portal.other(number)]) for portal in building.portals_of(number)]
+    if isinstance(towards, float):
+        way = np.array([math.cos(math.radians(towards)), math.sin(math.radians(towards))])
+    elif towards in ("up", "down"):
+        way = level.uphill if towards == "up" else -level.uphill
+    for portal, other in beside:
+        if towards in (other.name, other.title):
+            way = way + _from_centre(building, number, portal)
+    if level.slope > 0.0:
+        way = level.uphill * np.sign(way @ level.uphill)
+    if not way.any():
+        known = did_you_mean(str(towards), ["up", "down", *(other.title for _, other in beside)])
+        raise BuildingError(f"{building.source}: {level.title!r} does not move towards {towards!r}; {known}")
+    velocity: FloatArray = moving.speed * math.cos(level.slope) * way / np.hypot(*way)
+    return velocity
+
+
+def _from_centre(building: Building, level: int, portal: Portal) -> FloatArray:
+    """Return the way in plan from the centre of a level to the middle of one of its portals, (2,) [m]."""
+    centre = building.levels[level].polygon.centroid
+    middle: FloatArray = portal.segments.reshape(-1, 2).mean(axis=0) - [centre.x, centre.y]
+    return middle
 
 
 def _without_entry(building: Building, name: str, ends: bool = False) -> Building:

@@ -18,7 +18,7 @@ from evac.building.geometry import connected_components, flat_parts, place_of, u
 from evac.building.model.building import Area, Building, Level
 from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding, noting, numbered, refusal
-from evac.building.model.links import close_links, isolated_parts, with_controls
+from evac.building.model.links import close_links, isolated_parts, set_moving, with_controls
 from evac.building.options import BuildingOptions, ExitLine, Outline, SurfaceOptions
 from evac.building.surface.checks import check_depth, check_exits, check_overlap, check_stairs, missed_seams
 from evac.building.surface.foreign import turned
@@ -111,6 +111,8 @@ def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_
         raise refusal(source, errors)
     building = replace(building, findings=(*building.findings, *(isolated_parts(building) if building.exits else ())))
     building = with_controls(building, {**surface.controls, **options.controls})
+    for name, moving in options.moving.items():
+        building = set_moving(building, name, moving)
     return close_links(building, options.closed) if options.closed else building
 
 

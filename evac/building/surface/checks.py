@@ -140,15 +140,16 @@ def measures(building: Building) -> str:
 
 
 def check_stairs(building: Building) -> Iterator[Finding]:
-    """Yield an error for each stair that does not join two levels, or a level and an exit."""
+    """Yield an error for each stair that does not join two levels, or a level and an exit; walkways may join one."""
     for name, members in building.stairs.items():
         ends = {f"exit {way.name!r}" for way in building.exits if way.level in members}
         for portal in building.portals:
             one, other = portal.levels
             if (one in members) != (other in members):
                 ends.add(f"level {building.levels[other if one in members else one].name!r}")
-        if len(ends) < 2:
-            own = [building.levels[index] for index in members]
+        own = [building.levels[index] for index in members]
+        is_flat = all(level.slope == 0.0 for level in own)
+        if len(ends) < 2 and not (is_flat and len(building.portals_of(members[0])) > 1):
             x, y = place_of(own[0].polygon)
             joined = f"only {ends.pop()}" if ends else "nothing"
             text = (

@@ -225,6 +225,15 @@ def tangential_velocity(velocity, contacts, c):
 
 
 @inner
+def ground_along(world, bodies, contacts, c):
+    """Return the velocity of the ground along (-ny, nx) [m/s], with which walls move beside contact c; else 0."""
+    if contacts.other[c] >= 0:
+        return 0.0
+    level = bodies.level[contacts.body[c]]
+    return contacts.normal[c, 0] * world.carry[level, 1] - contacts.normal[c, 1] * world.carry[level, 0]
+
+
+@inner
 def use_free_velocity(state):
     """Set the velocities after the sub-step to the free velocities, as without contacts."""
     bodies = state.bodies

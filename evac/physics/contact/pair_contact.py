@@ -11,6 +11,7 @@ from evac.base.errors import PluginError, fault, in_one_line
 from evac.jit import Entry, Floats, Struct, call_pair_contact, call_pair_friction, inner, row
 from evac.jit.digest import kernels_in
 from evac.physics.contact.contacts import (
+    ground_along,
     keep_only_meeting,
     normal_velocity,
     push,
@@ -126,7 +127,8 @@ def _law_with_friction(pair: Entry) -> Callable[[State, PairLaw, float], int]:
             own.square[i] = 0.0
         for c in range(contacts.number):
             gap, closing, mass = min(contacts.gap[c], 0.0), -contacts.velocity_before[c], 1.0 / contacts.omega[c]
-            slide = tangential_velocity(bodies.velocity, contacts, c)
+            ground = ground_along(state.world, bodies, contacts, c)
+            slide = tangential_velocity(bodies.velocity, contacts, c) - ground
             deepest, change = gap - h * max(closing, 0.0), 2.0 * SPAN / h
             tried = tried_memory(contacts, c)
             force, friction = pair(deepest, closing, slide, mass, 0.5 * h, tried, given)
@@ -141,7 +143,7 @@ def _law_with_friction(pair: Entry) -> Callable[[State, PairLaw, float], int]:
             force, friction = pair(gap, closing, slide, mass, elapsed, row(contacts.memory, c), given)
             contacts.percussion[c] = h * max(force, 0.0)
             contacts.friction[c] = h * friction
-            contacts.slide_before[c] = slide
+            contacts.slide_before[c] = slide - ground  # relative to the wall after the step, too
             contacts.sticky[c] = 1
             push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
             rub(bodies.solved, bodies.inverse_mass, contacts, c, contacts.friction[c])
