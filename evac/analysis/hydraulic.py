@@ -36,6 +36,9 @@ LABORATORY = 2.8
 #: Greatest specific flow on stairs [1/(m s)]: the upper end of the values with which `evac evidence people` compares.
 STAIRS = 1.16
 
+#: Greatest capacity of escalators in EN 115-1 [1/(m s)]: 8,200 people an hour on steps of 1 m at 0.75 m/s.
+ESCALATORS = 2.28
+
 
 @dataclass(frozen=True)
 class DesignFlow:

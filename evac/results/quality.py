@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evac.analysis.hydraulic import LABORATORY, STAIRS
+from evac.analysis.hydraulic import ESCALATORS, LABORATORY, STAIRS
 from evac.analysis.lines import LineFlow
 from evac.analysis.queues import NEAR
 from evac.base.errors import counted
@@ -118,6 +118,10 @@ def density_warning(seen: Observation, levels: Sequence[str], keepers: Sequence[
     )
 
 
+#: What states each limit of a flow.
+SOURCES = {LABORATORY: "experiments", STAIRS: "design guides", ESCALATORS: "EN 115-1"}
+
+
 def flow_warnings(building: Building, flows: Iterable[LineFlow], keepers: Sequence[str] | None) -> tuple[str, ...]:
     """Return a line for each exit, door, stair and portal with a flow higher than measured; `keepers` as above.
 
@@ -131,7 +135,8 @@ def flow_warnings(building: Building, flows: Iterable[LineFlow], keepers: Sequen
         levels = (building.levels[level] for level in line.levels)
         stair = next((level.stair for level in levels if level.stair and not level.is_ramp), None)
         what = f"{line.kind} {line.name!r}" if stair is None else f"stair {stair!r}"
-        limit = LABORATORY if stair is None else STAIRS
+        is_moving = not {level for level, _, _ in building.moving}.isdisjoint(line.levels)
+        limit = LABORATORY if stair is None else ESCALATORS if is_moving else STAIRS
         for way in (line.forward, ~line.forward):
             _, first = np.unique(line.person[way], return_index=True)
             is_new = np.zeros(len(way), np.bool_)
@@ -142,7 +147,7 @@ def flow_warnings(building: Building, flows: Iterable[LineFlow], keepers: Sequen
     return tuple(
         f"flow higher than measured: evacuation times may be too short; {advice}. "
         f"{flow:.2f} people per second and metre passed {what}, at most {limit} in "
-        f"{'experiments' if limit == LABORATORY else 'design guides'}"
+        f"{SOURCES[limit]}"
         for what, (flow, limit) in greatest.items()
     )
 
