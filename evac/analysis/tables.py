@@ -41,7 +41,7 @@ def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
     Returns
     -------
     mapping of str to (r,) array
-        The columns `MOTION_COLUMNS`, sorted by time and then by person. Group and level are names; the group of
+        The columns `MOTION_COLUMNS`, sorted by time and then by person. Group and level are names, on a stair that of the stair; the group of
         people without group is empty. ``dose`` is there with ``[dose]``, and ``extinction``, that of the cell in which
         each person is, with smoke. See `evac.trajectory.trajectory.Frame` for the others.
 
@@ -51,7 +51,7 @@ def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
     >>> table = pd.DataFrame(motion_table(trajectory))  # doctest: +SKIP
     """
     frames = [trajectory[k] for k in range(len(trajectory))]
-    levels = np.array([level.name for level in trajectory.building.levels], dtype=object)
+    levels = np.array([level.title for level in trajectory.building.levels], dtype=object)
     groups = np.array([*trajectory.groups, ""], dtype=object)
 
     def column(name: str, kind: Any = np.float64) -> NDArray[Any]:

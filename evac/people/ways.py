@@ -237,7 +237,7 @@ def _stopped_places(
             f"({' to '.join(dict.fromkeys(widths))} m wide) do not fit through here, and no other way to an exit is "
             "wide enough for them: widen the place, move them, or reduce their radius"
         )
-        name, item = building.levels[int(level)].name, f"people.{group.name}"
+        name, item = building.levels[int(level)].title, f"people.{group.name}"
         findings.append(Finding("warning", text, name, (float(x), float(y)), item))
         rows = rows[~here]
     return findings

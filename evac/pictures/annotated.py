@@ -20,7 +20,7 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Building, Level
 from evac.building.model.elevation import level_elevation
-from evac.building.model.findings import Finding, and_more, listed
+from evac.building.model.findings import PART, Finding, and_more, listed
 from evac.pictures import palette
 from evac.pictures.floorplan import HEIGHT, WIDTH, beside, draw_plans, outline_of
 from evac.pictures.writing import legible_figure, save
@@ -216,19 +216,15 @@ def _by_place(
 def panel_of(building: Building, panels: list[list[int]], finding: Finding) -> int:
     """Return the storey of a finding: that of its level, or else the one whose ground is nearest to its place."""
     assert finding.place is not None
-    names = [level.name for level in building.levels]
-    if finding.level is not None:
-        own = [k for k, name in enumerate(names) if name == finding.level or name.startswith(f"{finding.level} (")]
-        if own:
-            return next(number for number, levels in enumerate(panels) if own[0] in levels)
-    point = np.array([finding.place[:2]])
-    off = []
-    for level in building.levels:
+    own = [one for one in building.levels if finding.level in (one.name, one.title, PART.sub("", one.name))]
+    point, off, levels = np.array([finding.place[:2]]), list[float](), own or building.levels
+    for level in levels:
         nearest = shapely.get_coordinates(shapely.shortest_line(level.polygon, shapely.points(point))[0])[:1]
         height = level_elevation(building.vertices, level, nearest)[0]
         rise = abs(float(height) - finding.place[2]) if len(finding.place) == 3 else 0.0
         off.append(float(level.polygon.distance(shapely.points(point)[0])) + rise)
-    return next(number for number, levels in enumerate(panels) if int(np.argmin(off)) in levels)
+    nearest_level = levels[int(np.argmin(off))].index
+    return next(number for number, shown in enumerate(panels) if nearest_level in shown)
 
 
 def _draw_findings(axes: Axes, findings: list[tuple[int, Finding]]) -> None:

@@ -154,7 +154,7 @@ def _about(account: Account, portals: int) -> dict[str, Any]:
             {
                 "person": one.person,
                 "time": one.time,
-                "text": f"{one.margin:.1f} s: person {one.person} on {one.level!r}",
+                "text": f"{one.margin:.1f} s: person {one.person} on {one.level.title!r}",
             }
             for one in account.margins
         ],

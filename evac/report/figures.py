@@ -169,12 +169,12 @@ MARGINS = (
 def margins(trajectory: Trajectory, least_margins: Sequence[LeastMargin]) -> Picture:
     """Return plans of the storeys with marks where people had their least margins."""
     plans_ = draw_plans(trajectory.building, None, side=0.1, greatest=PLANS)
-    least, level = np.array([of.margin for of in least_margins]), np.array([of.level for of in least_margins])
+    least, level = np.array([of.margin for of in least_margins]), np.array([of.level.index for of in least_margins])
     place, words, low = np.array([(of.x, of.y) for of in least_margins]), list[str](), -math.inf
     for high, colour, shape, size, what in MARGINS:
         is_such = (least >= low) & (least < high)
         for axes, levels in zip(plans_.axes, plans_.levels, strict=True):
-            x, y = place[is_such & np.isin(level, [shown.name for shown in levels])].T
+            x, y = place[is_such & np.isin(level, [shown.index for shown in levels])].T
             axes.plot(x, y, shape, color=colour, markersize=size, markeredgewidth=0.0, zorder=6 + size)
         words.append(f"{what}: {counted(int(is_such.sum()), 'person', 'people')}")
         low = high

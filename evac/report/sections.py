@@ -95,7 +95,8 @@ def levels_section(building: Building, changes: Sequence[Change] = ()) -> Sectio
         portals=[
             (p.name, *(levels[k].title for k in p.levels), fixed(p.width, 2), states[p.index])
             for p in building.portals
-            if states[p.index] != "open" or all(levels[k].stair is None for k in p.levels)
+            if all(levels[k].stair is None for k in p.levels)
+            or (states[p.index] != "open" and len({levels[k].title for k in p.levels}) > 1)
         ],
     )
 
@@ -393,7 +394,7 @@ def margins_section(run: Results) -> Section | None:
             names[one.person],
             f"{one.margin:.1f}",
             f"{one.time:.1f}",
-            one.level,
+            one.level.title,
             f"({one.x:.1f}, {one.y:.1f})",
         )
         for one in all_[:MOST_MARGINS]

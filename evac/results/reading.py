@@ -141,10 +141,10 @@ def _with_people(results: Results, place: Path, derived: Any) -> Results:
     more = () if results.conditions is None else EXPOSURE_COLUMNS
     margins = () if results.safety is None else MARGIN_COLUMNS
     table = _Table(place / PEOPLE_NAME, PEOPLE_COLUMNS + more + margins)
-    levels, exits = results.level_names, list(results.exits)
+    levels, exits = _told(results.titles), list(results.exits)
     group = table.indices("group", [group.name for group in groups], optional=True)
     crowd = _crowd_of(table, levels, exits, results.routes, group)
-    start_level = table.indices("start_level", levels, optional=True)
+    start_level = table.indices("start_level", levels, optional=True, piece="start_piece")
     if (differs := (start_level < 0) != np.isnan(crowd.arrival_time)).any():
         raise table.error("start_level", f"contradicts 'arrival_time' in row {int(np.argmax(differs)) + 2}")
     return replace(
@@ -156,7 +156,7 @@ def _with_people(results: Results, place: Path, derived: Any) -> Results:
         ),
         start_position=table.pairs("start_x", "start_y"),
         start_level=start_level,
-        crossings=_crossings(place / CROSSINGS_NAME, derived.people, results.portal_names),
+        crossings=_crossings(place / CROSSINGS_NAME, derived.people, _told(results.portal_titles)),
         stuck=tuple(row["person"] for row in derived.stuck),
         exposure={name: table.numbers(name, 0.0, optional=name == "stopped_at") for name in more},
         margins={name: table.numbers(name, optional=True) for name in margins},
@@ -187,13 +187,17 @@ class _Table:
         """Return coordinates, (n, 2)."""
         return np.column_stack([self.numbers(name) for name in names])
 
-    def indices(self, name: str, names: Sequence[str], optional: bool = False) -> IntArray:
-        """Return a column of names as indices in `names`, -1 for empty fields, which only `optional` ones may have."""
-        index = {one: k for k, one in enumerate(names)} | ({"": -1} if optional else {})
-        for text in self._columns[name]:
+    def indices(self, name: str, names: Sequence[Any], optional: bool = False, piece: str = "") -> IntArray:
+        """Return a column of names as indices in `names`, -1 for empty fields, which only `optional` ones may have.
+
+        With a column of numbers of pieces, `names` are pairs of both.
+        """
+        texts = [*zip(*(self._columns[one] for one in (name, piece)), strict=True)] if piece else self._columns[name]
+        index = {one: k for k, one in enumerate(names)} | ({("", "") if piece else "": -1} if optional else {})
+        for text in texts:
             if text not in index:
-                raise self.error(name, f"{text!r:.80} is not in {SUMMARY_NAME}")
-        return np.array([index[text] for text in self._columns[name]], np.int32)
+                raise self.error(name, f"{' '.join(text) if piece else text!r:.80} is not in {SUMMARY_NAME}")
+        return np.array([index[text] for text in texts], np.int32)
 
     def error(self, name: str, why: str) -> ResultError:
         return ResultError(f"{self.path}: column {name!r}: {why}; run the case again")
@@ -207,13 +211,13 @@ def _building_at_the_end(building: Building, results: Results, folder: Path) -> 
 
 
 def _crowd_of(
-    table: _Table, levels: Sequence[str], exits: Sequence[str], routes: Sequence[Route], group: IntArray
+    table: _Table, levels: Sequence[tuple[str, str]], exits: Sequence[str], routes: Sequence[Route], group: IntArray
 ) -> Crowd:
     """Return the people at the end, with NaN for what is not written."""
     n = table.length
     exit_used = table.indices("exit", [*exits, REMOVED], optional=True)
     exit_time = table.numbers("exit_time", 0.0, optional=True)
-    level = table.indices("end_level", levels, optional=True)
+    level = table.indices("end_level", levels, optional=True, piece="end_piece")
     arrival_time = table.numbers("arrival_time", 0.0, optional=True)
     for name, is_known in (("exit_time", np.isfinite(exit_time)), ("end_level", (level < 0) & ~np.isnan(arrival_time))):
         if (differs := is_known != (exit_used >= 0)).any():
@@ -243,10 +247,15 @@ def _crowd_of(
     )
 
 
-def _crossings(path: Path, people: int, portals: Sequence[str]) -> tuple[IntArray, IntArray, FloatArray]:
+def _told(titles: Sequence[tuple[str, int | None]]) -> list[tuple[str, str]]:
+    """Return names and numbers of pieces as the tables have them."""
+    return [(name, "" if piece is None else str(piece)) for name, piece in titles]
+
+
+def _crossings(path: Path, people: int, portals: Sequence[tuple[str, str]]) -> tuple[IntArray, IntArray, FloatArray]:
     """Return persons, portals and times of crossings; none of a building without portals."""
     if not portals:
         return np.empty(0, np.int32), np.empty(0, np.int32), np.empty(0)
     table = _Table(path, CROSSINGS_COLUMNS)
     person = table.numbers("person", 0.0, people - 1.0)
-    return person.astype(np.int32), table.indices("portal", portals), table.numbers("time", 0.0)
+    return person.astype(np.int32), table.indices("portal", portals, piece="piece"), table.numbers("time", 0.0)

@@ -67,11 +67,11 @@ EGRESS_COLUMNS = ("time", "number_out")
 #: Exit, in people.csv, of people whom a program or a behaviour has removed.
 REMOVED = "-"
 FLOWS_COLUMNS = ("time", "kind", "name", "direction", "count", "flow", "specific_flow")
-CROSSINGS_COLUMNS = ("person", "portal", "time")
+CROSSINGS_COLUMNS = ("person", "portal", "piece", "time")
 PEOPLE_COLUMNS = (
-    *("person", "group", "start_x", "start_y", "start_level", "radius", "height", "mass", "tau"),
+    *("person", "group", "start_x", "start_y", "start_level", "start_piece", "radius", "height", "mass", "tau"),
     *("speed", "speed_up", "speed_down", "arrival_time", "response_time", "route", "exit", "exit_time"),
-    *("distance", "end_x", "end_y", "end_level"),
+    *("distance", "end_x", "end_y", "end_level", "end_piece"),
 )
 
 #: Columns of people.csv in addition, of a case with conditions of the air: those of `Exposure`.
@@ -549,14 +549,14 @@ class Results:
     def _people_columns(self) -> list[list[Any]]:
         """Return the columns of the people table, in the order of `people_columns`."""
         crowd = self.crowd
-        levels, exits = [*self.level_names, None], [*self.exits, None]  # None: index -1
+        levels, exits = [*self.titles, (None, None)], [*self.exits, None]  # None: index -1
         routes = [str(route) for route in self.routes]
         removed = (np.isfinite(crowd.exit_time) & (crowd.exit_used < 0)).tolist()
         return [
             list(range(self.number_of_people)),
             self.group_names(),
             *self.start_position.T.tolist(),
-            [levels[level] for level in self.start_level.tolist()],
+            *([levels[level][part] for level in self.start_level.tolist()] for part in (0, 1)),
             crowd.radius.tolist(),
             crowd.height.tolist(),
             crowd.mass.tolist(),
@@ -569,7 +569,7 @@ class Results:
             [time if time == time else None for time in crowd.exit_time.tolist()],  # NaN: inside
             crowd.distance.tolist(),
             *crowd.position.T.tolist(),
-            [levels[level] for level in crowd.level.tolist()],
+            *([levels[level][part] for level in crowd.level.tolist()] for part in (0, 1)),
             *(
                 [value if value == value else None for value in column.tolist()]
                 for column in (*self.exposure.values(), *self.margins.values())
@@ -577,19 +577,18 @@ class Results:
         ]
 
     @cached_property
-    def level_names(self) -> list[str]:
-        """Names of all levels by their index, those of flights and landings, too."""
-        return _by_index(self.levels, [stair["pieces"] for stair in self.stairs.values()])
+    def titles(self) -> list[tuple[str, int | None]]:
+        """Name of the floor or stair of each level, by its index, and the number of the piece of a stair."""
+        return _by_index(self.levels, {name: stair["pieces"] for name, stair in self.stairs.items()})
 
     @cached_property
-    def portal_names(self) -> list[str]:
-        """Names of all portals by their index, those within stairs, too."""
-        return _by_index(self.portals, [stair["portals"] for stair in self.stairs.values()])
+    def portal_titles(self) -> list[tuple[str, int | None]]:
+        """Name of each portal by its index; of those within a stair the name of the stair, and their number in it."""
+        return _by_index(self.portals, {name: stair["portals"] for name, stair in self.stairs.items()})
 
     def titles_at(self, rows: Iterable[int]) -> list[str]:
         """Return the name of the floor or stair on which each of some people is at the end."""
-        stair_of = {piece: name for name, stair in self.stairs.items() for piece in stair["pieces"].values()}
-        return [stair_of.get(level, self.level_names[level]) for level in self.crowd.level[list(rows)].tolist()]
+        return [self.titles[level][0] for level in self.crowd.level[list(rows)].tolist()]
 
     def group_names(self) -> list[str]:
         """Return the name of each person's group, empty for people without group."""
@@ -653,9 +652,9 @@ class Results:
         write_csv(folder / EGRESS_NAME, EGRESS_COLUMNS, egress)
         write_csv(folder / PEOPLE_NAME, self.people_columns, zip(*self._people_columns(), strict=True))
         write_csv(folder / FLOWS_NAME, FLOWS_COLUMNS, flows)
-        if names := self.portal_names:
-            person, portal, time = (column.tolist() for column in self.crossings)
-            rows = zip(person, (names[index] for index in portal), time, strict=True)
+        if titles := self.portal_titles:
+            columns = zip(*(column.tolist() for column in self.crossings), strict=True)
+            rows = ((person, *titles[portal], time) for person, portal, time in columns)
             write_csv(folder / CROSSINGS_NAME, CROSSINGS_COLUMNS, rows)
 
     def write_summary(self, folder: Path) -> None:
@@ -673,9 +672,10 @@ class Results:
 DERIVED = {name: value for name, value in vars(Results).items() if isinstance(value, Derived)}
 
 
-def _by_index(names: Iterable[str], pieces: Iterable[Mapping[str, int]]) -> list[str]:
-    """Return names in the order of their indices: those of some pieces are given, and the others lie between them."""
-    known, others = {index: name for one in pieces for name, index in one.items()}, list(names)
+def _by_index(names: Iterable[str], stairs: Mapping[str, Mapping[str, int]]) -> list[tuple[str, int | None]]:
+    """Return names in the order of their indices; stairs give those of their parts, and the others lie between them."""
+    known = {index: (name, number) for name, own in stairs.items() for number, index in enumerate(own.values())}
+    others = [(name, None) for name in names]
     rest = iter(others)
     return [known.get(index) or next(rest) for index in range(len(others) + len(known))]
 

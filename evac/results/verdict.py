@@ -10,6 +10,7 @@ from typing_extensions import TypedDict
 from evac.base.arrays import FloatArray
 
 if TYPE_CHECKING:
+    from evac.building.model.building import Level
     from evac.trajectory.trajectory import Trajectory
 
 #: What is said where no limit is set.
@@ -117,7 +118,7 @@ class LeastMargin(NamedTuple):
     person: int
     margin: float
     time: float
-    level: str
+    level: "Level"
     x: float
     y: float
 
@@ -135,6 +136,6 @@ def least_margins(
         own = np.flatnonzero(rows.person == person)
         if len(own):  # who leaves soon after it came may be in no recorded state
             x, y = (rows.motion[own[0], :2].astype(np.float64) + trajectory.origin).tolist()
-            level = trajectory.building.levels[rows.level[own[0]]].name
+            level = trajectory.building.levels[rows.level[own[0]]]
             worst_first.append(LeastMargin(person, float(least[person]), float(at[person]), level, x, y))
     return worst_first

@@ -36,7 +36,7 @@ def maps_of(results: "Results") -> tuple[list[dict[str, Any]], list[dict[str, An
         return [], []
     watched, margins = Exceedance(trajectory, spacing=SPACING), least_margins(results.margins, trajectory)
     for level in level_maps(trajectory, spacing=SPACING, watch=watched.add).values():
-        least, here = np.full(level.density.size, np.nan), [of for of in margins if of.level == level.level]
+        least, here = np.full(level.density.size, np.nan), [of for of in margins if of.level.index == level.index]
         if here:
             cells = Cells(trajectory.building.levels[level.index], SPACING)
             where = cells.cell(np.array([(of.x, of.y) for of in here]))

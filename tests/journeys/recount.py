@@ -52,6 +52,10 @@ class Recount:
             name: {level["name"] for level in self.levels if level["stair"] == name} for name in self.summary["stairs"]
         }
 
+    def named(self, name, piece, parts="pieces"):
+        """The name of a level that a table gives, or of a portal, with the number of the piece of a stair."""
+        return list(self.summary["stairs"][name][parts])[int(piece)] if piece else name
+
     @cached_property
     def stays(self):
         """When each person is on which level: [from, to, person, level], from the tables alone."""
@@ -60,11 +64,12 @@ class Recount:
         for number, person in enumerate(self.people):
             if not person["arrival_time"]:
                 continue
-            since, level = float(person["arrival_time"]), person["start_level"]
+            since = float(person["arrival_time"])
+            level = self.named(person["start_level"], person["start_piece"])
             for crossing in self.crossings:
                 if int(crossing["person"]) == number:
                     found.append((since, float(crossing["time"]), number, level))
-                    first, second = levels[crossing["portal"]]
+                    first, second = levels[self.named(crossing["portal"], crossing["piece"], "portals")]
                     since, level = float(crossing["time"]), second if level == first else first
             found.append((since, float(person["exit_time"] or np.inf), number, level))
         return found

@@ -402,12 +402,12 @@ def test_people_and_crossings_are_those_of_the_recorded_motion(run):
         if k == 0:
             place = np.array(one["motion"][:2]) + run.origin
             assert place == pytest.approx([float(row["start_x"]), float(row["start_y"])], abs=1e-5)
-            assert run.levels[one["level"]]["name"] == row["start_level"]
+            assert run.levels[one["level"]]["name"] == run.named(row["start_level"], row["start_piece"])
         k, one = last[person]
         if row["exit_time"]:
             assert run.frames[k][0] <= float(row["exit_time"]) <= run.frames[k + 1][0]
         else:
-            assert run.levels[one["level"]]["name"] == row["end_level"]
+            assert run.levels[one["level"]]["name"] == run.named(row["end_level"], row["end_piece"])
     levels = {one["name"]: {run.levels[index]["name"] for index in one["levels"]} for one in run.building["portals"]}
     on = [{one["person"]: run.levels[one["level"]]["name"] for one in here} for _, here in run.frames]
     for row in run.crossings:
@@ -722,7 +722,7 @@ def test_people_come_when_and_where_they_are_to(run):
                 seen, found = first[int(one["person"])]
                 start = np.array([float(one["start_x"]), float(one["start_y"])])
                 assert 0.0 <= seen - float(one["arrival_time"]) <= 0.5
-                assert run.levels[found["level"]]["name"] == one["start_level"]
+                assert run.levels[found["level"]]["name"] == run.named(one["start_level"], one["start_piece"])
                 way = tables[name].get("exit") or tables[name].get("portal")
                 ends = {"back": ([14, 3.5], [14, 4.5]), "north": ([1, 0.8], [1, 2.2])}.get(way)
                 assert ends is None or distance_to(np.ravel(ends), start) < 0.5

@@ -296,5 +296,5 @@ def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Fi
             area = sum(building.levels[index].polygon.area for index in members)
             text = f"no exit can be reached from {names[0]!r}{others}, {area:.2f} m2: people there cannot leave"
             first = building.levels[members[0]]
-            notes.append(Finding("warning", text, first.name, place_of(first.polygon), item_of(first)))
+            notes.append(Finding("warning", text, first.title, place_of(first.polygon), item_of(first)))
     return tuple(notes)

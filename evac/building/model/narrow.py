@@ -35,17 +35,17 @@ def narrow_places(building: Building, widths: ArrayLike) -> tuple[Finding, ...]:
     notes = []
     for portal in building.portals:
         if portal.width < widest:
-            one, other = (building.levels[index].name for index in portal.levels)
+            one, other = (building.levels[index].title for index in portal.levels)
             what = f"portal {portal.name!r} between {one!r} and {other!r} is"
             item = item_of(min((building.levels[index] for index in portal.levels), key=lambda level: not level.stair))
             notes.append(_note(what, portal.width, one, place_of(portal.segments), bodies, item))
     for way in building.exits:
         if way.width < widest:
-            what, on = f"exit {way.name!r} is", building.levels[way.level].name
+            what, on = f"exit {way.name!r} is", building.levels[way.level].title
             notes.append(_note(what, way.width, on, place_of(way.segments), bodies, f"exits.{way.name}"))
     for level in building.levels:
         gaps = gaps_at(building, level, widest, float(bodies.min()))
-        notes += [_note("a gap that is", width, level.name, place, bodies, item_of(level)) for width, place in gaps]
+        notes += [_note("a gap that is", width, level.title, place, bodies, item_of(level)) for width, place in gaps]
     return tuple(notes)
 
 

@@ -43,7 +43,7 @@ def check_overlap(building: Building) -> Iterator[Finding]:
             f"level {level.name!r} overlaps itself in plan at ({x:z.2f}, {y:z.2f}); "
             "divide it by a landing or a floor tag, or remove the duplicate cells"
         )
-        yield Finding("error", text, level.name, (x, y), item_of(level))
+        yield Finding("error", text, level.title, (x, y), item_of(level))
     yield from _same_ground(building)
 
 
@@ -73,7 +73,7 @@ def _same_ground(building: Building) -> Iterator[Finding]:
                     f"would walk through people on the other. Overlapping levels must be {needed:g} m apart in height: "
                     "cut the upper or the lower one away there (an area is a part of its floor, not drawn over it)"
                 )
-                yield Finding("error", text, b.name, (float(x), float(y)), item_of(a if a.stair else b))
+                yield Finding("error", text, b.title, (float(x), float(y)), item_of(a if a.stair else b))
                 break
 
 
@@ -100,7 +100,7 @@ def missed_seams(building: Building) -> tuple[Finding, ...]:
     first = rows[0]
     x, y = middle[one[first]]
     gap = math.hypot(shapely.distance(shapely.points(x, y), lines[other[first]]), drop[0])
-    names = [building.levels[index].name for index in sorted({level[one[first]], level[other[first]]})]
+    names = [building.levels[index].title for index in sorted({level[one[first]], level[other[first]]})]
     ends = shapely.points(walls[one[rows]].reshape(-1, 2, 2))
     miss = np.hypot(shapely.distance(ends, lines[other[rows]][:, None]), drop[:, None])
     text = (
@@ -130,7 +130,7 @@ def check_depth(building: Building) -> Iterator[Finding]:
                         f"{one.name!r} and {other.name!r} at ({x:z.2f}, {y:z.2f}); make it at least {LEAST_DEPTH:g} m "
                         f"deep, or join it to a neighbouring level; {measures(building)}"
                     )
-                    yield Finding("error", text, level.name, (x, y), item_of(level))
+                    yield Finding("error", text, level.title, (x, y), item_of(level))
 
 
 def measures(building: Building) -> str:
@@ -146,7 +146,7 @@ def check_stairs(building: Building) -> Iterator[Finding]:
         for portal in building.portals:
             one, other = portal.levels
             if (one in members) != (other in members):
-                ends.add(f"level {building.levels[other if one in members else one].name!r}")
+                ends.add(f"level {building.levels[other if one in members else one].title!r}")
         own = [building.levels[index] for index in members]
         is_flat = all(level.slope == 0.0 for level in own)
         if len(ends) < 2 and not (is_flat and len(building.portals_of(members[0])) > 1):
@@ -157,7 +157,7 @@ def check_stairs(building: Building) -> Iterator[Finding]:
                 f"{max(lv.z_max for lv in own):.2f}, joins {joined}: its ends must share vertices with two levels "
                 f"(within building.weld)"
             )
-            yield Finding("error", text, own[0].name, (x, y), f"stairs.{name}")
+            yield Finding("error", text, name, (x, y), f"stairs.{name}")
 
 
 def check_exits(building: Building) -> Iterator[Finding]:
@@ -174,7 +174,7 @@ def check_exits(building: Building) -> Iterator[Finding]:
             f'[{x2:z.2f}, {y2:z.2f}]], level = "{level.name}"'
         )
     text = f"the building has no exit: tag free edges of the mesh 'exit:NAME' or give segments{example}"
-    yield Finding("error", text, level.name, place)
+    yield Finding("error", text, level.title, place)
 
 
 def _face(a: FloatArray, b: FloatArray) -> bool:

@@ -343,7 +343,7 @@ def _not_plane(surface: Surface, label: IndexArray, levels: list[Level]) -> tupl
                     f"{np.degrees(level.slope):.0f} degrees, which is used for all of it"
                 )
                 kind = "assumed" if turn > WINDS else "warning"
-                notes.append(Finding(kind, text, level.name, (x, y), item_of(level)))
+                notes.append(Finding(kind, text, level.title, (x, y), item_of(level)))
     return tuple(notes)
 
 

@@ -79,7 +79,7 @@ def add_area(building: Building, item: Outline) -> Building:
     if polygon.area < (1.0 - CUT_OFF) * drawn.area:
         whole = f"{polygon.area:.2f} of its {drawn.area:.2f} m2"
         text = f"area {item.name!r}: {whole} are on the level; the rest is cut off"
-        findings += (Finding("warning", text, level.name, place_of(polygon), f"building.areas.{item.name}"),)
+        findings += (Finding("warning", text, level.title, place_of(polygon), f"building.areas.{item.name}"),)
     return replace(building, areas=(*building.areas, Area(item.name, level.index, polygon)), findings=findings)
 
 
