@@ -287,7 +287,7 @@ def pieces_along(segments: FloatArray, ends: FloatArray, reach: float) -> tuple[
     pieces = np.concatenate([start + low[:, None] * step, start + high[:, None] * step], axis=1)
     rows = np.flatnonzero((high - low > LEAST_LENGTH) & (np.abs(step @ direction) > ALONG))
     ends_of = shapely.points(pieces[rows].reshape(-1, 2, 2))
-    rows = rows[shapely.distance(ends_of, shapely.LineString(ends)).max(axis=1, initial=0.0) <= reach]
+    rows = rows[shapely.distance(ends_of, shapely.linestrings(ends)).max(axis=1, initial=0.0) <= reach]
     return pieces[rows], rows
 
 

@@ -68,7 +68,7 @@ def _check_building(arguments: argparse.Namespace, path: Path) -> int:
 
     if arguments.set or arguments.seed is not None:
         raise ScenarioError(f"{path}: --set and --seed apply to a case, not to a building file; remove them")
-    with _telling(arguments, path.name) as told:
+    with _telling(arguments) as told:
         building = read_building(path, registry=Registry(arguments.plugins), need_exit=False)
         told += [*building.findings, *check_exits(building)]
         _draw(arguments.picture, building, told, path.name)
@@ -83,10 +83,11 @@ def _check_building(arguments: argparse.Namespace, path: Path) -> int:
 
 def _check_case(arguments: argparse.Namespace, path: Path) -> int:
     """Show what is in a case."""
+    from evac.building.model.findings import findings_of
     from evac.simulation.assembly import make_building
     from evac.simulation.simulation import Simulation
 
-    with _telling(arguments, path.name) as told:
+    with _telling(arguments) as told:
         case = case_of(arguments)
         if not arguments.json:
             show_facts({"case": case.title or case.folder.name, "file": case.source})
@@ -101,13 +102,14 @@ def _check_case(arguments: argparse.Namespace, path: Path) -> int:
                 simulation = Simulation(case, will_run=False, compiling=display.compiling)
         except BuildingError:
             raise
-        except EvacError:
+        except EvacError as error:
             # The building helps to understand errors about people or directions.
             building = make_building(case)
+            told += [*findings_of(error, case.source), *building.findings]
             if not arguments.json:
                 show_building(building, arguments.verbose)
-                show_findings(building.findings)
-            _draw(arguments.picture, building, building.findings, case.title)
+                show_findings(told)
+            _draw(arguments.picture, building, told, case.title)
             raise
         told += simulation.findings
         if not arguments.json:
@@ -122,21 +124,22 @@ def _check_case(arguments: argparse.Namespace, path: Path) -> int:
 
 
 @contextmanager
-def _telling(arguments: argparse.Namespace, title: str) -> "Iterator[list[Finding]]":
-    """Yield a list of findings, to which errors are added if JSON is asked for; else they are drawn and raised."""
-    from evac.building.model.findings import Finding
+def _telling(arguments: argparse.Namespace) -> "Iterator[list[Finding]]":
+    """Yield a list of findings, to which errors are added, shown, drawn, and raised unless JSON is asked for."""
+    from evac.building.model.findings import findings_of
 
     told: list[Finding] = []
     try:
         yield told
     except EvacError as error:
-        findings, building = (error.findings, error.building) if isinstance(error, BuildingError) else ((), None)
-        told[:] = findings or [Finding("error", line) for line in str(error).splitlines()]
-        if building is not None:
-            told += building.findings
-            _draw(arguments.picture, building, told, title)
-            if arguments.picture is not None and not arguments.json:
+        path = Path(arguments.case)
+        if all(finding.kind != "error" for finding in told):
+            building = error.building if isinstance(error, BuildingError) else None
+            told[:0] = [*findings_of(error, path), *([] if building is None else building.findings)]
+            if isinstance(error, BuildingError) and error.findings and not arguments.json:
                 show_findings(told)
+            if building is not None:
+                _draw(arguments.picture, building, told, path.name)
         if not arguments.json:
             raise
 

@@ -11,7 +11,7 @@ import shapely
 
 from evac.base.errors import BuildingError, EvacError
 from evac.building.model.building import Building, Level
-from evac.building.model.findings import PART, Finding, numbered_rows
+from evac.building.model.findings import PART, Finding, findings_of, numbered_rows
 from evac.building.model.links import levels_reaching
 from evac.building.options import BuildingOptions
 from evac.building.plan.plantable import plan_of
@@ -40,7 +40,7 @@ def judge(
             case = case_from(content, case_file)
             options, registry = case.building, case.registry
     except EvacError as error:
-        told += _told(error, case_file)
+        told += findings_of(error, case_file)
     try:
         if table is not None:
             plan = plan_of(table, file, file.parent, "building.plan." if file == case_file else "")
@@ -52,8 +52,7 @@ def judge(
         if case is not None and building is not None:
             check_people(case, with_places(case, building))
     except EvacError as error:
-        found = error.findings if isinstance(error, BuildingError) else ()
-        told += found or _told(error, file)
+        told += findings_of(error, file)
         if building is None and isinstance(error, BuildingError) and error.building is not None:
             building = error.building
             told += building.findings
@@ -63,10 +62,6 @@ def judge(
         "building": None if building is None else _drawn(building),
         "seconds": round(time.perf_counter() - start, 3),
     }
-
-
-def _told(error: EvacError, source: Path | None) -> tuple[Finding, ...]:
-    return tuple(Finding("error", line.removeprefix(f"{source}: ")) for line in str(error).splitlines())
 
 
 def floors_of(building: Building) -> list[dict[str, Any]]:

@@ -94,7 +94,7 @@ def test_a_flight_that_winds_is_told(mesh, read):
     building = read(mesh, exits=[EXIT])
     assert [level.kind for level in building.levels] == ["floor", "flight", "floor"]
     (finding,) = (one for one in building.findings if "winds" in one.text)
-    assert (finding.kind, finding.level) == ("assumed", "flight z=0.00..1.50")
+    assert (finding.kind, finding.level) == ("assumed", "stair 1")
     # its cells rise 0.25 m over 15 degrees of a circle; at 3 m from its centre that is 0.25 / 0.785
     assert np.tan(building.levels[1].slope) == pytest.approx(0.25 / np.deg2rad(15) / 3, rel=0.05)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from evac.base.defaults import LONGEST_NAME
-from evac.base.errors import BuildingError, is_one_line
+from evac.base.errors import BuildingError, EvacError, is_one_line
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -176,6 +176,13 @@ def refusal(source: Path, errors: Sequence[Finding]) -> BuildingError:
     refused = BuildingError("\n".join(lines))
     refused.findings = tuple(errors)
     return refused
+
+
+def findings_of(error: EvacError, source: Path | None) -> tuple[Finding, ...]:
+    """Return the findings of an error; of one that has none, each line of its text, without the file."""
+    lines = (line.removeprefix(f"{source}: ") for line in str(error).splitlines())
+    own = error.findings if isinstance(error, BuildingError) else ()
+    return own or tuple(Finding("error", line) for line in lines)
 
 
 @contextmanager

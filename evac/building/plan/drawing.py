@@ -162,7 +162,8 @@ class Drawing:
             self._find("assumed", f"{count} of another one, and left out", name, rooms[0], f"storeys.{name}")
         one, other = shapely.STRtree(rooms).query(rooms, "intersects")
         one, other = np.array(rooms)[[one[one < other], other[one < other]]]
-        both = shapely.intersection(one, other, grid_size=GRID)[~shapely.touches(one, other)]
+        is_over = ~shapely.touches(one, other)
+        both = shapely.intersection(one[is_over], other[is_over], grid_size=GRID)
         if len(both) and (double := united(both)).area > LEAST_AREA:
             text = f"polygons overlap on {double.area:.2f} m2 and are joined; the largest overlap is here"
             largest = max(shapely.get_parts(double), key=lambda part: part.area)
@@ -222,12 +223,14 @@ class Drawing:
         beyond = np.array([door.reach for door in doors]) + np.hypot(*(ends[:, 1] - ends[:, 0]).T) + SNAP
         around = shapely.box(*(ends.min(axis=1) - beyond[:, None]).T, *(ends.max(axis=1) + beyond[:, None]).T)
         parts = shapely.get_parts(self.floors[storey])
-        near, before = (shapely.STRtree(others).query(around, "intersects") for others in (parts, around))
+        found = (shapely.STRtree(others).query(around, "intersects") for others in (parts, around))
+        starts = np.arange(1, len(rows))
+        near, before = ([np.sort(own) for own in np.split(at, np.searchsorted(one, starts))] for one, at in found)
         return {
             row: (
                 around[k],
-                shapely.multipolygons(parts[np.sort(near[1, near[0] == k])]),
-                [rows[other] for other in np.sort(before[1, before[0] == k]).tolist() if other < k],
+                shapely.multipolygons(parts[near[k]]),
+                [rows[other] for other in before[k].tolist() if other < k],
             )
             for k, row in enumerate(rows)
         }

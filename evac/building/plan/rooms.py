@@ -13,9 +13,8 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.parameters import did_you_mean
-from evac.building.geometry import GRID, are_beside, flat_parts, rounded, segment_lengths, sides
+from evac.building.geometry import GRID, are_beside, flat_parts, pieces_along, rounded, segment_lengths, sides
 from evac.building.model.findings import Finding, noting
-from evac.building.plan.outlines import along
 from evac.building.plan.plan import Item, Plan, Room, Shaft, Stair, Storey, Tie
 
 Named = TypeVar("Named", Item, Room)
@@ -145,9 +144,11 @@ def _tied(
 
 def _between(tie: Tie, one: BaseGeometry, other: BaseGeometry) -> FloatArray:
     """Return the longest straight wall (2, 2) between two rooms, from its end with the least (x, y)."""
-    walls, others = np.empty((0, 2, 2)), sides(other)
-    for start, end in others[are_beside(others, sides(one), DOOR_REACH).any(axis=1)].reshape(-1, 2, 2):
-        near = along(one, np.stack([start, end]), DOOR_REACH).reshape(-1, 2, 2)
+    walls, own, others = np.empty((0, 2, 2)), sides(one), sides(other)
+    is_beside = are_beside(others, own, DOOR_REACH)
+    for row in np.flatnonzero(is_beside.any(axis=1)):
+        start, end = ends = others[row].reshape(2, 2)
+        near = rounded(pieces_along(own[is_beside[row]], ends, DOOR_REACH)[0]).reshape(-1, 2, 2)
         step = (end - start) / np.hypot(*(end - start))
         far = start + ((near - start) @ step)[..., None] * step
         walls = np.concatenate([walls, (near + far) / 2])  # in the middle of a wall that is drawn with both its faces

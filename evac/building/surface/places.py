@@ -95,14 +95,14 @@ def add_obstacles(
     """Cut obstacles (key, level, polygon) out of levels and areas; their outlines become walls."""
     on_level: dict[int, list[BaseGeometry]] = {}
     for key, level, polygon in places:
-        with noting(errors, f"obstacle {key.partition('obstacles.')[2]!r}", key, level.name, polygon):
+        with noting(errors, f"obstacle {key.partition('obstacles.')[2]!r}", key, level.title, polygon):
             if polygon.intersection(level.polygon).area <= LEAST_LENGTH**2:
-                raise ValueError(f"it is not on level {level.name!r}{_extent(level)}")
+                raise ValueError(f"it is not on level {level.title!r}{_extent(level)}")
             _check_open(building, level, polygon)
             on_level.setdefault(level.index, []).append(polygon)
     for index, polygons in on_level.items():
         level = building.levels[index]
-        with noting(errors, f"level {level.name!r}", item_of(level), level.name, union(polygons)):
+        with noting(errors, f"level {level.title!r}", item_of(level), level.title, union(polygons)):
             building = _take_out(building, level, union(polygons))
     return building
 
@@ -163,7 +163,7 @@ def _check_open(building: Building, level: Level, polygon: BaseGeometry) -> None
             x, y = covered.centroid.coords[0]
             raise ValueError(
                 f"it covers {covered.length:.2f} m of the {kind} {name!r} at ({x:z.2f}, {y:z.2f}) on level "
-                f"{level.name!r}; move it off"
+                f"{level.title!r}; move it off"
             )
 
 
