@@ -42,8 +42,8 @@ def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
     -------
     mapping of str to (r,) array
         The columns `MOTION_COLUMNS`, sorted by time and then by person. Group and level are names, on a stair its own;
-        the group of people without group is empty. ``dose`` is there with ``[dose]``, and ``extinction``, that of the cell in which
-        each person is, with smoke. See `evac.trajectory.trajectory.Frame` for the others.
+        the group of people without group is empty. ``dose`` is there with ``[dose]``, and ``extinction``, that of the
+        cell in which each person is, with smoke. See `evac.trajectory.trajectory.Frame` for the others.
 
     Examples
     --------

@@ -134,12 +134,11 @@ def _telling(arguments: argparse.Namespace) -> "Iterator[list[Finding]]":
     except EvacError as error:
         path = Path(arguments.case)
         if all(finding.kind != "error" for finding in told):
-            building = error.building if isinstance(error, BuildingError) else None
-            told[:0] = [*findings_of(error, path), *([] if building is None else building.findings)]
+            told[:0] = findings_of(error, path)
             if isinstance(error, BuildingError) and error.findings and not arguments.json:
                 show_findings(told)
-            if building is not None:
-                _draw(arguments.picture, building, told, path.name)
+            if isinstance(error, BuildingError) and error.building is not None:
+                _draw(arguments.picture, error.building, told, path.name)
         if not arguments.json:
             raise
 

@@ -55,7 +55,6 @@ def judge(
         told += findings_of(error, file)
         if building is None and isinstance(error, BuildingError) and error.building is not None:
             building = error.building
-            told += building.findings
     return {
         "errors": sum(one.kind == "error" for one in told),
         "findings": numbered_rows(told),

@@ -179,10 +179,11 @@ def refusal(source: Path, errors: Sequence[Finding]) -> BuildingError:
 
 
 def findings_of(error: EvacError, source: Path | None) -> tuple[Finding, ...]:
-    """Return the findings of an error; of one that has none, each line of its text, without the file."""
+    """Return the errors of an exception, or its lines without the file, and the findings about what is right."""
     lines = (line.removeprefix(f"{source}: ") for line in str(error).splitlines())
-    own = error.findings if isinstance(error, BuildingError) else ()
-    return own or tuple(Finding("error", line) for line in lines)
+    own, building = (error.findings, error.building) if isinstance(error, BuildingError) else ((), None)
+    errors = own or tuple(Finding("error", line) for line in lines)
+    return errors if building is None else (*errors, *building.findings)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from evac.base.arrays import FloatArray
 from evac.base.change import Control
 from evac.base.defaults import DOOR_REACH, FARTHEST, HEADROOM
 from evac.base.errors import BuildingError, counted
-from evac.building.model.findings import Finding
+from evac.building.model.findings import Finding, findings_of
 from evac.building.plan.outlines import Shape, inclined_of, is_point, naming_part, outline_of, polygons_of, segment_of
 
 if TYPE_CHECKING:
@@ -615,14 +615,14 @@ class Plan:
         return draw(self)
 
     def check(self) -> tuple[Finding, ...]:
-        """Return all findings about the plan and the building: its errors, or what `Building.findings` has.
+        """Return all findings about the plan: its errors, and what `Building.findings` has of what is right in it.
 
         Errors have the key of their item and a remedy that has been tried out; see `Finding`.
         """
         try:
             return self.building(need_exit=False).findings
         except BuildingError as error:
-            return tuple(error.findings) or (Finding("error", str(error)),)
+            return findings_of(error, self.source)
 
     def building(self, *, need_exit: bool = True, **options: Any) -> "Building":
         """Return the building; the options are the keys of ``[building]`` and `need_exit`, as for `read_building`.
