@@ -126,6 +126,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(session.document if session is not None else lambda: {"begin": True})
         elif name == "forms" and session is not None:
             self._answer(session.forms)
+        elif name == "pictures" and session is not None:
+            self._answer(session.pictures.all)
         elif name == "events" and self.command == "GET" and session is not None:
             self._send_events(session)
         elif name is not None and name.startswith("result/") and session is not None and session.runner is not None:
@@ -254,6 +256,7 @@ def _orders(session: Session, given: Mapping[str, Any]) -> dict[str, Callable[[]
         "check": lambda: session.check(Request(str(given["page"]), int(given["revision"]), dict(given["table"]))),
         "save": lambda: session.save(dict(given["table"]), str(given["digest"])),
         "curve": lambda: session.curve(given["value"]),
+        "picture": lambda: session.pictures.put(str(given["storey"]), given["picture"]),
         "compare": lambda: session.compare([str(name) for name in given["designs"]]),
         "repeat": lambda: session.command("repeat", str(given["name"]), int(given["runs"])),
         **{name: partial(session.command, name) for name in ("run", "report", "stop", "stop-runs")},

@@ -28,6 +28,7 @@ from evac.contract.registry import Registry
 from evac.editor.designs import Designs
 from evac.editor.judging import floors_of, judge
 from evac.editor.patching import patched
+from evac.editor.pictures import Pictures
 from evac.editor.running import Runner
 from evac.folder.files import content_of, replacing
 from evac.folder.textfiles import plain, write_json
@@ -94,6 +95,7 @@ class Session:
             self.runner = Runner(case.source, result)
             self.designs = Designs(case.source, result.with_name(f"{result.name.removesuffix('-result')}-runs"))
         self.told: dict[str, Any] = {"run": {"phase": "none"}, "designs": {"designs": []}}  # last
+        self.pictures = Pictures(self.file)
         self.journal = self.file.with_name(self.file.name + JOURNAL)
         self.listeners: list[queue.Queue[tuple[str, Any]]] = []
         self.is_over = threading.Event()

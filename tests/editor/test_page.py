@@ -1,10 +1,12 @@
 """The page in a real browser: what is drawn, what is in the plan then, and in the file."""
 
 import io
+import json
 import shutil
 import subprocess
 import threading
 import tomllib
+from base64 import b64decode
 from pathlib import Path
 
 import numpy as np
@@ -377,6 +379,41 @@ def test_every_tool_draws(page):
     assert {row["name"] for row in page.run("editor.view.judged.segments.doors")} == {"door", "door 2"}
     saved = page.saved()
     assert saved == plan
+
+
+def test_a_picture_lies_under_a_storey_and_is_scaled_by_two_points(page, tmp_path):
+    file = page.server.session.file
+    picture = Image.new("RGB", (200, 100), "white")
+    picture.paste("red", (0, 0, 100, 100))
+    picture.save(tmp_path / "plan.png")
+    page.browser.send("DOM.enable")
+    root = page.browser.send("DOM.getDocument")["root"]["nodeId"]
+    chooser = page.browser.send("DOM.querySelector", {"nodeId": root, "selector": "#picture-file"})["nodeId"]
+    page.browser.send("DOM.setFileInputFiles", {"nodeId": chooser, "files": [str(tmp_path / "plan.png")]})
+    page.browser.wait("editor.pictures.own && editor.tools.tool === 'picture'")
+    page.browser.settle()
+    assert page.run("[editor.pictures.own.at, editor.pictures.own.width].flat()") == [0, 0, 14]
+    page.click((2, 2), (6, 2))
+    assert page.run("document.activeElement.id") == "picture-length"
+    page.browser.send("Input.insertText", {"text": "5"})
+    page.run("editor.view.canvas.focus()")
+    assert page.run("[editor.pictures.own.at, editor.pictures.own.width].flat()") == [-0.5, -0.5, 17.5]
+    page.drag((5, 5), (5.5, 5.5))
+    page.browser.wait("editor.pictures.own.at[0] === 0")
+    red, white = page.colour(7, 7).mean(axis=0), page.colour(12, 3).mean(axis=0)
+    assert red[0] - red[1] > 80 > abs(white[0] - white[1])
+    kept = json.loads(file.with_name("house.plan.toml.pictures").read_text())
+    assert kept["ground"] | {"data": ""} == {"data": "", "at": [0, 0], "width": 17.5}
+    assert b64decode(kept["ground"]["data"]) == (tmp_path / "plan.png").read_bytes()
+    assert page.saved() == page.plan
+    assert "picture" not in file.read_text()
+    page.open(page.server.address)
+    page.browser.wait("editor.pictures.own")
+    page.press("picture-remove")
+    page.browser.wait("document.getElementById('picture-box').hidden")
+    page.keys("p")
+    assert page.run("document.activeElement.id") == "picture-file"
+    assert not file.with_name("house.plan.toml.pictures").exists()
 
 
 def test_lengths_are_typed(page):

@@ -2,6 +2,8 @@
 
 import http.client
 import json
+import math
+from base64 import b64encode
 
 import pytest
 
@@ -99,6 +101,23 @@ def test_files_of_a_result_are_served_without_rights(house, serve, tmp_path, mon
     (result / "report.html").write_text("not of evac")
     for name in ("summary.json", "report.html", "../house/case.toml", ""):
         assert ask(server, f"result/{name}")[0] == 404
+
+
+def test_pictures_are_kept_beside_the_file_if_they_are_pictures(server, house):
+    def put(data, at=(0, 1), width=2.0, storey="../x"):
+        picture = {"data": b64encode(data).decode(), "at": at, "width": width}
+        return ask(server, "picture", "POST", {"storey": storey, "picture": picture})[0]
+
+    assert put(b"<svg onload='alert()'/>") == put(b"%PDF") == 422
+    assert put(b"\xff\xd8\xff", at=(0, math.inf)) == put(b"\xff\xd8\xff", width=0) == 422
+    assert put(b"\xff\xd8\xff", at="near") == 400
+    assert ask(server, "picture", "POST", {"storey": "a", "picture": {"at": [0, 0], "width": 1}})[0] == 400
+    before = {path.name for path in house.iterdir()}
+    assert put(b"\xff\xd8\xff and more") == 200
+    assert {path.name for path in house.iterdir()} - before == {"house.plan.toml.pictures"}
+    assert list(json.loads(ask(server, "pictures")[2])) == ["../x"]
+    (house / "house.plan.toml.pictures").write_text('{"a": {"data": "PHN2Zz4=", "at": [0, 0], "width": 1}, "b": 3}')
+    assert json.loads(ask(server, "pictures")[2]) == {}
 
 
 def test_the_token_is_needed_and_is_another_at_each_start(server, house, serve):

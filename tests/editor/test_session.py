@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from evac.base.errors import EvacError
 from evac.cli.main import main
 from evac.editor import Session
 from evac.editor.session import ChangedOnDiskError, Request
@@ -120,6 +119,9 @@ def test_floor_without_an_exit_is_told(house, opened):
     assert [level["reached"] for level in levels] == [True, False, False]
 
 
-def test_a_building_that_is_no_plan_is_refused():
-    with pytest.raises(EvacError, match="evac new"):
-        Session(Path("classroom"))
+def test_a_building_that_is_no_plan_is_judged_as_it_is(opened):
+    session = opened(Path("classroom"))
+    document = session.document()
+    assert [row["name"] for row in document["table"]["storeys"]] == ["classroom"]
+    found = judged(session, document["table"])
+    assert (found["errors"], len(found["building"]["segments"]["exits"])) == (0, 1)

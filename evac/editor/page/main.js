@@ -3,7 +3,7 @@
 const PAGE = Array.from(crypto.getRandomValues(new Uint32Array(2)), (word) => word.toString(36)).join("");  // Of several that are open.
 const UNDRAWN = ["select", "measure"];  // Tools that change no building.
 const KEYS = [
-  ["V, R, W, D, E, S, A, O, M", "tools: select, room, wall, door, exit, stair, area, obstacle, measure"],
+  ["V, R, W, D, E, S, A, O, M, P", "tools: select, room, wall, door, exit, stair, area, obstacle, measure, picture"],
   ["Click, Enter", "with a tool: the next point; at the first one again, the outline ends"],
   ["Arrows, with Shift 1 m", "move what is selected, or the cross with which one draws, by 0.1 m"],
   ["Digits", "while drawing: a length, or 6x4 a rectangle, then Enter"],
@@ -58,9 +58,16 @@ async function start() {
       view.storey = name;
       act.select(null);
       inspector.showStoreys();
+      pictures.show();
     },
 
-    renamed(name) { view.storey = name; },
+    renamed(name) {
+      pictures.rename(view.storey, name);
+      view.storey = name;
+    },
+
+    choose(tool) { tools.choose(tool); },
+    measured(points) { tools.measured = points; },
 
     climb(by) {
       const all = store.now.storeys, next = all[all.findIndex(({ name }) => name === view.storey) + by];
@@ -160,7 +167,9 @@ async function start() {
   };
   const forms = isCase ? new Forms(store, act, declared) : null, inspector = new Inspector(store, view, act, forms);
   const tools = new Tools(store, view, act), running = new Running(view, act, isCase), designs = isCase ? new Designs(act) : null;
-  view.tools = tools;
+  const pictures = new Pictures(view, store, act);
+  Object.assign(view, { tools, pictures });
+  tools.pictures = pictures;
 
   function changed() {
     if (!store.now.storey(view.storey)) view.storey = store.now.storeys[0]?.name ?? "";
@@ -267,7 +276,7 @@ async function start() {
   for (const [name, { key }] of Object.entries(TOOLS).filter(([name]) => opened.is_drawn || UNDRAWN.includes(name))) {
     const button = node("button", capital(name), { type: "button", value: name });
     button.append(node("kbd", key.toUpperCase()));
-    button.addEventListener("click", () => { tools.choose(name); view.canvas.focus(); });
+    button.addEventListener("click", () => tools.choose(name));
     by("tools").append(button);
   }
   by("keys").tBodies[0].append(...KEYS.map(([keys, what]) => { const row = document.createElement("tr"); row.append(document.createElement("td"), node("td", what)); row.firstChild.append(node("kbd", keys)); return row; }));
@@ -283,7 +292,7 @@ async function start() {
     const other = { n: () => act.next(event.shiftKey ? -1 : 1), c: act.nextPart, i: () => by("inspector").querySelector("input")?.select(), delete: act.remove, backspace: act.remove, pageup: () => act.climb(1), pagedown: () => act.climb(-1), 3: () => showView(by("view3d").hidden), f: fit, "+": () => view.zoomAt(1.25, [view.x, view.y]), "-": () => view.zoomAt(0.8, [view.x, view.y]), t: act.theme, "?": actions["show-help"], escape: () => { if (tools.points.length || tools.tool === "select") tools.cancel(); else tools.choose("select"); act.select(null); view.canvas.focus(); } }[key];
     if (!tool && !other) return;
     event.preventDefault();
-    if (tool) { tools.choose(tool); view.canvas.focus(); } else other();
+    if (tool) tools.choose(tool); else other();
   });
   addEventListener("resize", () => { view.draw(); view3d.draw(); });
   addEventListener("beforeunload", (event) => { if (store.isChanged) event.preventDefault(); });
@@ -298,7 +307,7 @@ async function start() {
   } else changed();
   inspector.showChanges("", "Changes of the file");
   listen();
-  window.editor = { store, view, view3d, tools, act, running };
+  window.editor = { store, pictures, view, view3d, tools, act, running };
 }
 
 function failed(error) {

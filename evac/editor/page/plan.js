@@ -1,6 +1,6 @@
 // The plan of a storey on a canvas: what is in the table, and what was judged of it.
 
-const MARGIN = 60, TOOLS_WIDE = 90;  // Around everything, and for the tools at the left [pixels].
+const MARGIN = 80, TOOLS_WIDE = 90;  // Around everything, and for the tools at the left [pixels].
 const BODY = 0.22;  // Radius of people [m].
 const SLOW = 60, REST = 200;  // Time to paint from which a view is moved as a picture, and after which it rests [ms].
 const FONT = '12px system-ui, "DejaVu Sans", sans-serif';
@@ -156,6 +156,7 @@ class PlanView {
     pen.fillRect(0, 0, w, h);
     pen.setTransform(dpr * zoom, 0, 0, -dpr * zoom, dpr * (w / 2 - this.x * zoom), dpr * (h / 2 + this.y * zoom));
     this.paintGrid(w, h);
+    if (this.pictures.isShown) this.pictures.paint(pen);
     this.paintFloors();
     this.paintRows();
     this.paintPeople();
@@ -183,7 +184,9 @@ class PlanView {
     for (const rings of ground) {
       this.path(rings);
       pen.fillStyle = look.floor;
+      pen.globalAlpha = this.pictures.isShown ? 0.3 : 1;
       pen.fill("evenodd");
+      pen.globalAlpha = 1;
       if (!isFresh) continue;  // The outlines of rows are drawn below.
       Object.assign(pen, { strokeStyle: look["wall-top"], lineWidth: Math.max(0.06, 2 / zoom) });
       pen.stroke();

@@ -13,6 +13,7 @@ const TOOLS = {
   area: { key: "a", points: Infinity, section: "areas", hint: "Drag a rectangle, or click corner after corner; people start in areas" },
   obstacle: { key: "o", points: Infinity, section: "obstacles", hint: "Drag a rectangle, or click corner after corner; it is cut out of the floor" },
   measure: { key: "m", points: 2, hint: "Click on both ends" },
+  picture: { key: "p", points: 2, hint: "Drag the picture where it belongs; click on two points of it, then type the length between them" },
 };
 const singular = (section) => ({ rooms: "room", storeys: "ground", shafts: "stair", stairs: "stair", areas: "area", obstacles: "obstacle", doors: "door", exits: "exit", openings: "opening", people: "group", event: "event", phase: "phase", compartment: "compartment", behaviours: "behaviour", case: "table" })[section];
 const rectangle = ([x1, y1], [x2, y2]) => [[Math.min(x1, x2), Math.min(y1, y2)], [Math.max(x1, x2), Math.min(y1, y2)], [Math.max(x1, x2), Math.max(y1, y2)], [Math.min(x1, x2), Math.max(y1, y2)]];
@@ -42,8 +43,13 @@ class Tools {
 
   choose(tool) {
     this.cancel();
+    if (tool === "picture" && !this.pictures.own) {
+      by("picture-file").focus();
+      return this.act.say("Choose a picture of the plan at the left, or drop one here");
+    }
     this.tool = tool;
     this.act.toolChanged();
+    this.view.canvas.focus();
   }
 
   cancel() {
@@ -53,7 +59,7 @@ class Tools {
   }
 
   snap(point, isFree) {
-    if (isFree) return point.map(mm);
+    if (isFree || this.tool === "picture") return point.map(mm);
     const refs = this.table.on(this.storey).filter(({ section }) => !ON_WALLS.includes(section)), still = this.drag?.base ?? this.table;
     const corners = [...this.points, ...refs.flatMap((ref) => still.rings(ref).flat())];
     const { at, lines } = snapped(point, corners, still.walls(this.storey), this.view.zoom, this.points[this.points.length - 1]);
@@ -64,6 +70,9 @@ class Tools {
   press(point, event) {
     if (event.button === 1 || event.button === 2 || event.altKey) this.drag = { kind: "pan", start: point };
     else if (this.tool === "select") this.pick(point, event);
+    else if (this.tool === "picture") {
+      if (this.pictures.own) this.drag = { kind: "picture", start: point, from: [event.offsetX, event.offsetY], at: this.pictures.own.at };
+    }
     else {
       this.measured = null;
       this.drag = { kind: "draw", start: this.addPoint(this.snap(point, event.shiftKey)), from: [event.offsetX, event.offsetY] };
@@ -88,7 +97,8 @@ class Tools {
     else if (drag.kind === "draw") this.at = this.snap(point, event.shiftKey);
     else if (drag.isMoved || length(minus([event.offsetX, event.offsetY], drag.from)) > DRAGGED) {
       drag.isMoved = true;
-      this.store.show(this.dragged(point, event.shiftKey));
+      if (drag.kind === "picture") this.pictures.own.at = plus(drag.at, minus(point, drag.start));
+      else this.store.show(this.dragged(point, event.shiftKey));
     }
     this.view.draw();
   }
@@ -120,7 +130,10 @@ class Tools {
     const { drag } = this;
     this.drag = null;
     this.lines = [];
-    if (drag?.isMoved) {
+    if (drag?.kind === "picture") {
+      if (drag.isMoved) this.pictures.put({});
+      else this.addPoint(this.snap(point, true));
+    } else if (drag?.isMoved) {
       const next = this.table;
       this.store.now = drag.base;
       this.store.commit(next);
@@ -157,6 +170,10 @@ class Tools {
   finish(points) {
     const { storey, tool, table } = this, { section } = TOOLS[tool];
     this.points = [];
+    if (tool === "picture") {
+      this.measured = points;
+      return this.pictures.measure(points);
+    }
     if (tool === "measure") {
       this.measured = points;
       this.act.say(`${length(minus(points[1], points[0])).toFixed(3)} m`);
