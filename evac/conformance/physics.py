@@ -13,10 +13,10 @@ from evac.base.errors import counted
 from evac.conformance.failures import examining, require, require_close, scene
 from evac.contract.registry import Registry
 from evac.physics.contact.model import ContactModel, SolvedContactModel, border_scene
-from evac.physics.contact.packing import packed_row
+from evac.physics.contact.packing import is_of_person, packed_row
 from evac.physics.contact.pair_contact import PairContact
-from evac.physics.contact.rows import BEFORE, SPRING, Solver, call_solver, renew_velocity, row_residual
-from evac.physics.engine import CompiledEngine, functions_of
+from evac.physics.contact.rows import BEFORE, SPRING, Solver, renew_velocity, row_residual
+from evac.physics.engine import CompiledEngine, check_solve, functions_of
 from evac.physics.force import Force
 from evac.physics.scenes import one_direction, room
 from evac.physics.state import Crowd, Problem, copy_of, make_crowd
@@ -172,8 +172,8 @@ def _turned(places: FloatArray) -> FloatArray:
 
 def check_solver(solver: Solver) -> None:
     """Check that the problem of a queue is solved, rigid and elastic, whatever work arrays contain, within limits."""
-    with examining("its kernel solve"):
-        call_solver.check(getattr(solver, "solve", None), "solve", type(solver))
+    with examining("its solve"):
+        check_solve(type(solver), "solve")
     solutions = []
     for what, spring, work in (("rigid", 0.0, 0.0), ("elastic", 0.5, 0.0), ("rigid", 0.0, math.nan)):
         with scene(f"a queue at a wall, {what} contacts, {work:g} in work arrays"):
@@ -240,12 +240,14 @@ def check_force(force: Force) -> None:
         v, place = random.uniform(-3.0, 3.0, 2), random.uniform(-50.0, 50.0, 2)
         with scene(f"two people at a gap of {gap:.3f} m"):
             if force.pair is not None and math.isfinite(gap):
-                x, y = push = _call(force, force.pair, gap, n, v, e)
+                own = (random.uniform(-2.0, 2.0, 2), (80.0, 1.3, 0.0)) if is_of_person(force.pair) else ()
+                x, y = push = _call(force, force.pair, gap, n, v, e, *own)
                 size = f"the force is {math.hypot(x, y):.3g} N"
                 require(needed or not push.any(), f"is_needed() is False, but {size}; return True from it")
                 require(gap < cutoff or not push.any(), f"{size}, beyond its cutoff() of {cutoff:.3f} m; return zero")
                 failure = "the force does not rotate with the scene, but differs by {:.3g} N; use the given normal"
-                turned = _call(force, force.pair, gap, *(np.array([-y, x]) for x, y in (n, v, e)))
+                turned = [np.array([-one[1], one[0]]) for one in (n, v, e, *own[:1])]
+                turned = _call(force, force.pair, gap, *turned, *own[1:])
                 require_close(turned, [-y, x], 1e-9 * max(math.hypot(x, y), 1.0), failure)
         if gap == 0.0:  # a person who stands, without a way out
             e = v = np.zeros(2)

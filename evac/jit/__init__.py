@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from evac.jit.kernels import AddressCall as AddressCall
+from evac.jit.kernels import Callback as Callback
 from evac.jit.kernels import Entry as Entry
 from evac.jit.kernels import Intrinsic as Intrinsic
 from evac.jit.kernels import Kernel as Kernel
@@ -33,6 +34,9 @@ row = Intrinsic("row", lambda grid, k: grid[k])
 #: Call the pair force at an address with gap, nx, ny, vx, vy, ex, ey and its parameters: (fx, fy) [N].
 call_pair_force = AddressCall([*[float] * 7, Floats], (float, float))
 
+#: The same with the velocity, the mass [kg], the desired speed [m/s] and the group of the person before its parameters.
+call_person_force = AddressCall([*[float] * 11, int, Floats], (float, float))
+
 #: Call the body force at an address with x, y, vx, vy, ex, ey, gap, nx, ny and its parameters: (fx, fy) [N].
 call_body_force = AddressCall([*[float] * 9, Floats], (float, float))
 
@@ -52,14 +56,17 @@ def pair_force(function: Callable[..., Any]) -> Entry:
     function : callable
         ``force(gap, nx, ny, vx, vy, ex, ey, parameters) -> (fx, fy)``: the force [N] on person i from person
         j, with the gap D_ij [m], the unit vector (nx, ny) from j to i, the velocity (vx, vy) of i relative to j
-        [m/s], the desired direction (ex, ey) of i and the force's own parameters, a float64 array.
+        [m/s], the desired direction (ex, ey) of i and the force's own parameters, a float64 array. Or
+        ``force(gap, nx, ny, vx, vy, ex, ey, ux, uy, mass, speed, group, parameters)``, with the velocity (ux, uy) of i
+        in plan [m/s], its mass [kg], its desired speed in plan [m/s] and the index of its group.
 
     Returns
     -------
     Entry
         Kernels call its ``address``. A call from Python runs the function.
     """
-    return Entry(function, call_pair_force)
+    is_long = function.__code__.co_argcount == len(call_person_force.kinds)
+    return Entry(function, call_person_force if is_long else call_pair_force)
 
 
 def body_force(function: Callable[..., Any]) -> Entry:

@@ -182,6 +182,31 @@ class Entry(Kernel):
 _interpreted: dict[int, Callable[..., Any]] = {}
 
 
+class Callback:
+    """A Python function that kernels call at an address, slower than a kernel; of structs, it gets the address.
+
+    An exception that it raises is kept as `error`; the kernel then gets zero.
+    """
+
+    def __init__(self, function: Callable[..., int], like: "AddressCall") -> None:
+        self.error: BaseException | None = None
+
+        def call(*given: Any) -> int:
+            try:
+                return int(function(*given))
+            except BaseException as error:
+                self.error = error
+                return 0
+
+        if INTERPRETED:
+            self.address = id(self)
+            _interpreted[self.address] = call
+        else:
+            types = [_C_TYPES.get(str(kind), ctypes.c_int64) for kind in like.kinds]
+            self._call = ctypes.CFUNCTYPE(_C_TYPES[like.returns[0]], *types)(call)
+            self.address = int(ctypes.cast(self._call, ctypes.c_void_p).value or 0)
+
+
 class Intrinsic:
     """An operation that is compiled to special instructions; `twin` is its Python implementation."""
 

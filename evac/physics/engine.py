@@ -1,5 +1,6 @@
 """The engine, which makes the steps of a tick: what a simulation requires of one, and the compiled engine."""
 
+import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,14 +11,14 @@ from evac.base.errors import PluginError, SimulationError, fault, is_foreign, pl
 from evac.base.parameters import did_you_mean
 from evac.base.saved import FINITE, Bounds, Saved
 from evac.directions.sampling import sample_travel_times
-from evac.jit import AddressCall, Bytes, Entry, call_body_force, call_pair_force
+from evac.jit import AddressCall, Bytes, Callback, Entry, call_body_force, call_pair_force, call_person_force
 from evac.jit.loading import addresses_of
 from evac.physics import driver, status
 from evac.physics import tallies as at
 from evac.physics.contact.memory import memory_by_person, recall, remember_by_person, retain
 from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.overlaps import separate
-from evac.physics.contact.packing import check_indices, cutoff_of, pack_forces, packed_row
+from evac.physics.contact.packing import check_indices, cutoff_of, is_of_person, pack_forces, packed_row
 from evac.physics.contact.pair_contact import PairContact
 from evac.physics.contact.rows import Solver, call_solver
 from evac.physics.force import Force, add_body_forces, add_forces
@@ -171,6 +172,7 @@ class CompiledEngine(Engine):
         self.data.forces.spare_waiting = int(spare_waiting)
         self.memory: dict[str, np.ndarray] = {}
         self._own: Any = None
+        self._callbacks: dict[str, Callback] = {}  # of solvers in Python, by name
         self._model: ContactModel | None = None
 
     def advance(
@@ -185,6 +187,7 @@ class CompiledEngine(Engine):
             while clock.now < clock.last:
                 with plugin_code(f"t = {clock.now * length:.3f} s: contact model {model.name!r}", model):
                     outcome = model.advance(self)
+                self._raise_of_solvers(clock.now * length)
                 if outcome != status.OK:
                     self._handle(model, int(outcome), clock.now * length)
         if model.memory:
@@ -222,7 +225,8 @@ class CompiledEngine(Engine):
             state.problem = make_problem(len(state.bodies.row), room)
         loaded = entries_of_parts(model, self._forces, self.full or have_seams(state.world.backed))
         addresses = {name: entry.address for name, entry in loaded.items()}
-        solver = load_solver(solver_of(model, self._solvers)) if isinstance(model, SolvedContactModel) else no_solver()
+        self._callbacks.clear()
+        solver = self._loaded_solver(model) if isinstance(model, SolvedContactModel) else no_solver()
         state.parts = allocate(Parts, 0, **addresses, parameters=self._own, solver=solver, stronger=no_solver())
         for k, force in enumerate(self._pair_forces):
             state.forces.address[k] = force.pair.address
@@ -256,9 +260,11 @@ class CompiledEngine(Engine):
         why = f"levels: {len(backed)}, of which {int(backed.sum())} have walls right behind an exit"
         rows = [("contacts across portals and exits", self.full or have_seams(backed), why)]
         if isinstance(model, SolvedContactModel):
+            is_compiled = isinstance(solver_of(model, self._solvers).solve, Entry)
+            in_python = "" if is_compiled else ", in Python, which is slower than a kernel"
             stronger, later = solver_of(model, self._solvers).stronger, "loaded if a solve does not converge"
             rows += [
-                (f"solver {model.solver}", True, f"contact.{model.name}.solver"),
+                (f"solver {model.solver}", True, f"contact.{model.name}.solver{in_python}"),
                 (f"solver {stronger}, for solves that fail", self.full, later),
             ]
         if isinstance(model, SolvedContactModel) and model.separates:
@@ -279,10 +285,31 @@ class CompiledEngine(Engine):
             effects[force.name] = f"{between}; {effects[force.name]}" if force.name in effects else between
         return effects
 
+    def _loaded_solver(self, model: SolvedContactModel, stronger: bool = False) -> LoadedSolver:
+        """Return a solver of the loaded contact model as kernels call it."""
+        solver = solver_of(model, self._solvers, stronger)
+        if isinstance(solver.solve, Entry):
+            return load_solver(solver)
+
+        def solve(_: int, tolerance: float, limit: int) -> int:
+            made: int = solver.solve(self.data.problem, tolerance, limit)
+            return made
+
+        callback = self._callbacks[solver.name] = Callback(solve, call_solver)
+        return LoadedSolver(solve=callback.address, is_checked=int(is_foreign(solver)))
+
+    def _raise_of_solvers(self, time: float) -> None:
+        """Raise what a solver in Python has raised."""
+        for name, callback in self._callbacks.items():
+            error, callback.error = callback.error, None
+            if error is not None:
+                with plugin_code(f"t = {time:.3f} s: solver {name!r}", self._solvers[name]):
+                    raise error
+
     def _load_part(self, model: SolvedContactModel, needed: int) -> None:
         """Load a part that a step turned out to need."""
         if needed == status.NEEDS_STRONGER_SOLVER:
-            self.data.parts.stronger = load_solver(solver_of(model, self._solvers, stronger=True))
+            self.data.parts.stronger = self._loaded_solver(model, stronger=True)
         else:
             self.data.parts.separation = separate.address
 
@@ -432,9 +459,8 @@ def entries_of_loop(
     else:
         entries.append(driver.advance)
     if isinstance(model, SolvedContactModel):
-        entries.append(solver_of(model, solvers).solve)
-        if full:
-            entries.append(solver_of(model, solvers, stronger=True).solve)
+        chosen = [solver_of(model, solvers), *([solver_of(model, solvers, stronger=True)] if full else [])]
+        entries += [one.solve for one in chosen if isinstance(one.solve, Entry)]
         if full and model.separates:
             entries.append(separate)
     for force in forces:
@@ -463,6 +489,7 @@ def functions_of(force: Force) -> list[Entry]:
     for name, call in (("pair", call_pair_force), ("body", call_body_force)):
         function = getattr(force, name)
         if function is not None:
+            call = call_person_force if name == "pair" and is_of_person(function) else call
             call.check(function, f"{what}: {name}", type(force))
             check_indices(function, len(packed_row(force, what)), what)
             functions.append(function)
@@ -474,8 +501,16 @@ def functions_of(force: Force) -> list[Entry]:
 
 
 def load_solver(solver: type[Solver]) -> LoadedSolver:
-    """Return a solver as kernels call it."""
+    """Return a compiled solver as kernels call it."""
     return LoadedSolver(solve=solver.solve.address, is_checked=int(is_foreign(solver)))
+
+
+def check_solve(solver: type[Solver], what: str) -> None:
+    """Check that a solver is a kernel or a static method, with the arguments of solvers."""
+    if not isinstance(inspect.getattr_static(solver, "solve", None), staticmethod):
+        call_solver.check(getattr(solver, "solve", None), what, solver)
+    elif len(inspect.signature(solver.solve).parameters) != len(call_solver.kinds):
+        raise fault(what, "takes other arguments", "give it problem, tolerance and limit", solver, "solve")
 
 
 def solver_of(model: SolvedContactModel, solvers: Mapping[str, type[Solver]], stronger: bool = False) -> type[Solver]:
@@ -486,6 +521,6 @@ def solver_of(model: SolvedContactModel, solvers: Mapping[str, type[Solver]], st
             raise PluginError(f"contact.{model.name}.solver: unknown solver {name!r}; {did_you_mean(name, [*solvers])}")
         solver = solvers[name]
         with plugin_code(f"solver {name!r}", solver):
-            call_solver.check(getattr(solver, "solve", None), f"solver {name!r}: solve", solver)
+            check_solve(solver, f"solver {name!r}: solve")
         name = solver.stronger
     return solver

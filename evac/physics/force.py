@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.parameters import Configurable
-from evac.jit import AddressCall, call_body_force, call_pair_force, inner, kernel, row
+from evac.jit import AddressCall, call_body_force, call_pair_force, call_person_force, inner, kernel, row
 from evac.physics.contact.contacts import wall_normal
 from evac.physics.contact.neighbours import segment_distance, unit_normal
+from evac.physics.drive import desired_speed
 from evac.physics.extent import extent, greatest_extent
 from evac.physics.seams import is_absent, touches
 from evac.physics.state import State
@@ -69,20 +70,28 @@ def add_forces(state: State) -> int:
             vx = bodies.velocity[i, 0] - bodies.velocity[j, 0]
             vy = bodies.velocity[i, 1] - bodies.velocity[j, 1]
             for f in range(forces.number):
-                if gap >= forces.cutoff[f]:
-                    continue
-                call, given = forces.address[f], row(forces.parameters, f)
-                ex, ey = bodies.desired[i, 0], bodies.desired[i, 1]
-                fx, fy = call_pair_force(call, gap, nx, ny, vx, vy, ex, ey, given)
-                if not (forces.spare_waiting and state.clock.time < bodies.start_time[i]):
-                    bodies.push[i, 0] += fx
-                    bodies.push[i, 1] += fy
-                ex, ey = bodies.desired[j, 0], bodies.desired[j, 1]
-                fx, fy = call_pair_force(call, gap, -nx, -ny, -vx, -vy, ex, ey, given)
-                if not (forces.spare_waiting and state.clock.time < bodies.start_time[j]):
-                    bodies.push[j, 0] += fx
-                    bodies.push[j, 1] += fy
+                if gap < forces.cutoff[f]:
+                    _push(state, f, i, gap, nx, ny, vx, vy)
+                    _push(state, f, j, gap, -nx, -ny, -vx, -vy)
     return OK
+
+
+@inner
+def _push(state, f, i, gap, nx, ny, vx, vy):
+    """Add force f between two people to the push of body i, unless it is spared because it waits."""
+    bodies, forces = state.bodies, state.forces
+    if forces.spare_waiting and state.clock.time < bodies.start_time[i]:
+        return
+    call, given = forces.address[f], row(forces.parameters, f)
+    ex, ey = bodies.desired[i, 0], bodies.desired[i, 1]
+    if forces.of_person[f] == 1:
+        ux, uy, mass = bodies.velocity[i, 0], bodies.velocity[i, 1], bodies.mass[i]
+        speed, group = desired_speed(state.world, bodies, i, ex, ey), bodies.group[i]
+        fx, fy = call_person_force(call, gap, nx, ny, vx, vy, ex, ey, ux, uy, mass, speed, group, given)
+    else:
+        fx, fy = call_pair_force(call, gap, nx, ny, vx, vy, ex, ey, given)
+    bodies.push[i, 0] += fx
+    bodies.push[i, 1] += fy
 
 
 @kernel

@@ -224,6 +224,7 @@ class Bodies(Struct):
     picked: Ints  # scratch: bodies that a loop has picked for the next one
     around: Pairs  # (4 n, 2) directions at the nodes of each body's cell, beside one another
     level: Ints
+    group: Ints
     contact_radius: Floats
     mass: Floats
     inverse_mass: Floats
@@ -404,6 +405,7 @@ class Forces(Struct):
     address: Longs  # of the machine code
     cutoff: Floats  # gaps beyond which they are neglected [m]
     parameters: FloatGrid
+    of_person: Bytes  # 1: it takes what `evac.jit.call_person_force` passes
     farthest: float  # greatest cutoff [m]
     spare_waiting: int  # 1: they do not act on people before their response time
 

@@ -81,7 +81,7 @@ def solver(solve, **attributes):
 
 
 QUEUE = "scene 'a queue at a wall"
-SOLVE, SIGNATURE = "its kernel solve", r"solve: must be a kernel \(Problem, float64, int64\) -> \(int64\), not "
+SOLVE, SIGNATURE = "its solve", r"solve: must be a kernel \(Problem, float64, int64\) -> \(int64\), not "
 
 BROKEN = [
     Broken(solver(idle), "check_solver", QUEUE, "the residual is .* m/s after .* iterations; iterate"),

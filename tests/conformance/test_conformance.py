@@ -1,11 +1,13 @@
 """Everything registered holds to the contract; and each check finds what it is there for."""
 
+import numpy as np
 import pytest
 
 from evac.case.loading import load_case
-from evac.conformance import check_plugin
+from evac.conformance import check_plugin, physics
 from evac.contract.registry import Registry, built_in
 from evac.people.behaviour import Behaviour
+from evac.physics.contact.model import ContactModel
 
 REGISTRY = Registry()
 
@@ -46,6 +48,34 @@ def models():
 @pytest.mark.parametrize(("name", "values"), list(models()))
 def test_a_contact_model_conforms(name, values):
     check_plugin(REGISTRY.contact_models[name], **values)
+
+
+class Rigid(ContactModel):
+    """Bodies that neither overlap nor rebound, exactly, in NumPy."""
+
+    name = "rigid_in_numpy"
+    reach_share = 1.0
+
+    def step(self, contacts, h):
+        velocity, push = contacts.free.copy(), contacts.percussion
+        share = np.append(1.0 / contacts.mass, 0.0)  # the last one is that of walls
+        velocity = np.vstack([velocity, np.zeros(2)])
+        push[:], change = 0.0, np.inf
+        while change > 1e-12:
+            change = 0.0
+            for c, (i, j, n) in enumerate(zip(contacts.body, contacts.other, contacts.normal, strict=True)):
+                asked = (n @ (velocity[i] - velocity[j]) + max(contacts.gap[c], 0.0) / h) / (share[i] + share[j])
+                more = max(-asked, -push[c])
+                push[c] += more
+                velocity[i] += more * share[i] * n
+                velocity[j] -= more * share[j] * n
+                change = max(change, abs(more) * share[i])
+        return velocity[:-1]
+
+
+def test_a_model_without_overlaps_conforms():
+    physics.check_collision(Rigid())
+    physics.check_crowd(Rigid())
 
 
 @pytest.mark.parametrize("name", list(REGISTRY.solvers))

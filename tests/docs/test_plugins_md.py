@@ -16,8 +16,16 @@ from evac_plugins.contact_dem import Dem
 from tests.physics.scenes import kinetic_energy, make_building, make_engine, uniform_fields, walk
 
 NAMES = [
-    *("crowding.py", "personal_space.py", "keep_right.py", "dem_numpy.py", "hertz.py", "tangential_spring.py"),
-    *("spring_damper.py", "jacobi.py"),
+    *(
+        "crowding.py",
+        "personal_space.py",
+        "centrifugal.py",
+        "keep_right.py",
+        "dem_numpy.py",
+        "hertz.py",
+        "tangential_spring.py",
+    ),
+    *("spring_damper.py", "jacobi.py", "plain.py"),
     *("rooms.py", "positions.py", "crossing_guard.py"),
 ]
 
@@ -208,20 +216,32 @@ def test_who_walks_along_a_wall_keeps_right(plugin_files):
     assert crowd.position[0, 1] == pytest.approx(-1.0 + 0.2 + 0.3, abs=1e-6)
 
 
-def test_a_solver_in_a_file_finds_what_the_built_in_ones_find(plugin_files):
+@pytest.mark.parametrize(("name", "ticks"), [("jacobi", 20), ("plain", 4)])
+def test_a_solver_in_a_file_finds_what_the_built_in_ones_find(plugin_files, name, ticks):
     exact = {
         "contact.model": "nsm1",
         "contact.nsm1.velocity_tolerance": 1e-9,
         "contact.nsm1.iterations": 100_000,
     }
-    case = evac.load("square_room", exact, plugin_files=[plugin_files["jacobi.py"]])
-    simulation = evac.Simulation(case.change({"contact.nsm1.solver": "jacobi"}))
-    for _ in range(20):
+    case = evac.load("square_room", exact, plugin_files=[plugin_files[f"{name}.py"]])
+    simulation = evac.Simulation(case.change({"contact.nsm1.solver": name}))
+    for _ in range(ticks):
         simulation.advance_tick()
-    np.testing.assert_allclose(simulation.population.crowd.position, positions(case, 20), rtol=0.0, atol=1e-7)
+    np.testing.assert_allclose(simulation.population.crowd.position, positions(case, ticks), rtol=0.0, atol=1e-7)
     report = simulation.engine.report()
     assert report["iterations"] > report["solves"] > 0
     assert report["retried_solves"] == 0
+
+
+def test_what_a_solver_in_python_raises_is_told_with_its_place(plugin_files, tmp_path):
+    text = plugin_files["plain.py"].read_text().replace("made = 0", "made = problem.nonsense")
+    (tmp_path / "failing.py").write_text(text)
+    changes = {"contact.model": "nsm1", "contact.nsm1.solver": "plain"}
+    case = evac.load("square_room", changes, plugin_files=[tmp_path / "failing.py"])
+    simulation = evac.Simulation(case)
+    assert any(part.name == "solver plain" and "in Python" in part.why for part in simulation.plan)
+    with pytest.raises(evac.PluginError, match=r"solver 'plain': AttributeError.*failing.py, line 16"):
+        simulation.run()
 
 
 def test_a_step_at_which_a_packing_is_unstable_is_refused(plugin_files):

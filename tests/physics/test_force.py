@@ -47,6 +47,12 @@ def damper(gap, nx, ny, vx, vy, ex, ey, parameters):
     return -parameters[0] * vx, -parameters[0] * vy
 
 
+@pair_force
+def of_person(gap, nx, ny, vx, vy, ex, ey, ux, uy, mass, speed, group, parameters):
+    """Tell what it is given of the person."""
+    return parameters[0] * (ux + 10.0 * mass) + vx, parameters[0] * (uy + 100.0 * speed + 1000.0 * group)
+
+
 class Wind(Force):
     """The same force everywhere."""
 
@@ -98,6 +104,13 @@ class Damper(Force):
         return 1.0
 
 
+class OfPerson(Damper):
+    """Takes what it can get of a person."""
+
+    name = "of_person"
+    pair = of_person
+
+
 def pushes(force, place, building=None, level=0, **settings):
     """Return the forces (n, 2) [N] on people at rest, in the order of the crowd."""
     crowd = make_crowd(place, level=level, radius=0.2, tau=FREE)
@@ -123,6 +136,17 @@ def test_a_force_between_two_people_gets_their_relative_velocity():
     decay = math.exp(-2.0 * 20.0 * 1.0 / 80.0)
     expected = np.array([0.15, 0.1]) + decay * np.array([[-0.05, 0.2], [0.05, -0.2]])
     np.testing.assert_allclose(crowd.velocity, expected, rtol=2e-3)
+
+
+def test_a_force_between_two_people_gets_velocity_mass_desired_speed_and_group_of_the_person():
+    velocity, mass, speed = np.array([(0.1, 0.3), (0.2, -0.1)]), np.array([60.0, 90.0]), np.array([1.0, 1.4])
+    crowd = make_crowd([(0, 0), (1.0, 0)], velocity, mass=mass, speed=speed, tau=FREE)
+    crowd.group[:], crowd.speed_factor[:] = (2, 1), (1.0, 0.5)
+    engine = walk(Dem(), crowd, 1, h=1e-9, forces=[OfPerson(rate=1.0)])
+    found = engine.data.bodies.push[np.argsort(engine.data.bodies.row[:2])]
+    expected = velocity + np.column_stack([10.0 * mass, 100.0 * speed * (1.0, 0.5) + 1000.0 * np.array([2, 1])])
+    expected[:, 0] += velocity[:, 0] - velocity[::-1, 0]
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 def test_place_velocity_and_desired_direction_are_those_of_the_person():

@@ -13,7 +13,7 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError, fault, in_one_line
-from evac.jit import Entry
+from evac.jit import Entry, call_person_force
 from evac.physics.force import Force
 from evac.physics.state import Forces
 
@@ -71,6 +71,11 @@ def _called(plugin: Any, method: str, what: str, remedy: str) -> Any:
         raise fault(what, f"{method}() raises {in_one_line(error)}", remedy, plugin, method) from error
 
 
+def is_of_person(pair: Any) -> bool:
+    """Return whether a force between two people takes the velocity, the mass and more of the person."""
+    return isinstance(pair, Entry) and len(pair.signature[0]) == len(call_person_force.kinds)
+
+
 def pack_forces(forces: Sequence[Force]) -> Forces:
     """Pack the cut-offs and parameters of forces; shorter parameter rows are padded with zeros."""
     rows = [packed_row(force, f"force {force.name!r}") for force in forces]
@@ -83,6 +88,7 @@ def pack_forces(forces: Sequence[Force]) -> Forces:
         address=np.zeros(len(rows), dtype=np.int64),
         cutoff=cutoff,
         parameters=parameters,
+        of_person=np.array([is_of_person(force.pair) for force in forces], dtype=np.uint8),
         farthest=float(cutoff.max(initial=0.0)),
         spare_waiting=0,
     )

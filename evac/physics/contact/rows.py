@@ -22,11 +22,11 @@ the same body writes. To keep it short, multiplications and additions are fused,
 """
 
 import math
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from evac.base.parameters import Configurable
 from evac.contract.hooks import DEFAULT_STRONGER_SOLVER
-from evac.jit import AddressCall, Entry, fused, inlined, inner
+from evac.jit import AddressCall, fused, inlined, inner
 from evac.physics.state import Problem
 
 AX, AY, BX, BY, BIAS = range(5)
@@ -173,18 +173,18 @@ def momentum_after(momentum):
 class Solver(Configurable):
     """Base class of solvers, which find the percussions of a sub-step.
 
-    A subclass names a kernel ``solve(problem: Problem, tolerance: float, limit: int) -> int``. It starts from the
-    percussions and velocities in the problem, changes both consistently, sets ``problem.residual`` to the value of
+    A subclass names a kernel ``solve(problem: Problem, tolerance: float, limit: int) -> int``, or defines a static
+    method of these arguments in plain Python, which is slower. It starts from the percussions and velocities in the
+    problem, changes both consistently, sets ``problem.residual`` to the value of
     `evac.physics.contact.rows.row_residual`, stops when the residual is at most `tolerance` [m/s] or after `limit`
     iterations, and returns the number of iterations.
 
     Attributes
     ----------
-    solve : Entry
-        The kernel.
+    solve : Entry or static method
     stronger : str
         Name of the solver that solves the problem again, without warm start, if this one did not converge.
     """
 
-    solve: ClassVar[Entry]
+    solve: ClassVar[Any]
     stronger: ClassVar[str] = DEFAULT_STRONGER_SOLVER
