@@ -246,8 +246,8 @@ def check_force(force: Force) -> None:
                 require(needed or not push.any(), f"is_needed() is False, but {size}; return True from it")
                 require(gap < cutoff or not push.any(), f"{size}, beyond its cutoff() of {cutoff:.3f} m; return zero")
                 failure = "the force does not rotate with the scene, but differs by {:.3g} N; use the given normal"
-                turned = [np.array([-one[1], one[0]]) for one in (n, v, e, *own[:1])]
-                turned = _call(force, force.pair, gap, *turned, *own[1:])
+                vectors = [np.array([-one[1], one[0]]) for one in (n, v, e, *own[:1])]
+                turned = _call(force, force.pair, gap, *vectors, *own[1:])
                 require_close(turned, [-y, x], 1e-9 * max(math.hypot(x, y), 1.0), failure)
         if gap == 0.0:  # a person who stands, without a way out
             e = v = np.zeros(2)
