@@ -21,7 +21,7 @@ LEAST_SHARE = 0.01
 BODIES, LEAVE, ALL = "bodies", "leave", "all"
 
 #: How each value closes a link, for a person.
-CLOSED: dict[Any, str] = {BODIES: "closed for bodies alone", LEAVE: "closed to those who would enter"}
+CLOSED = {BODIES: "closed for bodies alone", LEAVE: "closed to those who would enter"}
 
 
 class Control(Table):
@@ -160,7 +160,7 @@ class Change:
         value, ends = self.values.get("value"), self.values.get("value") is False
         done = {
             "open": "opened",
-            "close": CLOSED.get(value, "closed"),
+            "close": CLOSED.get(str(value), "closed"),
             "no_entry": "open to those who would enter" if ends else "closed to those who would enter",
             "control": f"controlled: {control_of(value)}" if isinstance(value, dict) else "without control",
             "move": f"moves {moving_of(value)}" if isinstance(value, dict) else "stands still",

@@ -100,14 +100,15 @@ def test_a_resumed_run_has_the_bits_of_one_without_interruption():
 
 
 def test_controls_are_recorded_written_and_shown(tmp_path):
-    lifted = event("control", "exit", 5.0, value=False)
-    results = evac.run(hall({"every": 2.0, "most": 40}, lifted, people=6), tmp_path / "r", progress=False)
+    events = event("control", "exit", 1.0, value={"every": 3.0}), event("control", "exit", 5.0, value=False)
+    results = evac.run(hall({"every": 2.0, "most": 40}, *events, people=6), tmp_path / "r", progress=False)
     trajectory = evac.read_trajectory(tmp_path / "r")
     words = "one person in 2 s, closes after 40 people"
     assert trajectory.building.label_of(trajectory.building.exits[0]) == "exit (controlled)"
     assert [str(control) for control in trajectory.building.controlled.values()] == [words]
     assert trajectory.building_at(5.0).controls == frozenset()
-    assert [str(change) for change in results.changes] == ["'exit' without control at 5 s"]
+    told = ["'exit' controlled: one person in 3 s at 1 s", "'exit' without control at 5 s"]
+    assert [str(change) for change in results.changes] == told
     assert results.last_out < 10.0
     plan = evac.Plan()
     plan.storey("g", box(0, 0, 9, 5))
