@@ -27,6 +27,7 @@ def declare_plugins(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac plugins`."""
     parser.add_argument("name", metavar="NAME", nargs="?", help="model, behaviour or other plugin to describe")
     parser.add_argument("--check", metavar="FILE", help="check everything in a plugin file")
+    parser.add_argument("--case", metavar="CASE", help="with --check: check with this case, and say what ran in it")
     parser.add_argument("--verbose", action="store_true", help="show all parameters with their units and defaults")
     declare_plugin(parser)
 
@@ -35,10 +36,11 @@ def execute_plugins(arguments: argparse.Namespace) -> int:
     """List all registered plugins, describe one of them, or check a plugin file.
 
     `evac plugins --check FILE` applies the checks of `evac.conformance.check_plugin` to everything in a plugin file,
-    and ends with status 2 if one of them fails.
+    and ends with status 2 if one of them fails. With `--case CASE`, they use this case, which may have data for the
+    plugin, instead of a shipped one. The case is also run, to say which methods and lines of the plugin ran in it.
     """
     if arguments.check is not None:
-        return _check(arguments.check, arguments.plugins)
+        return _check(arguments.check, arguments.plugins, arguments.case)
     from evac.base.errors import PluginError
     from evac.base.parameters import did_you_mean
     from evac.contract.registry import Registry
@@ -70,18 +72,23 @@ def execute_plugins(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _check(file: str, others: list[str]) -> int:
+def _check(file: str, others: list[str], case_name: str | None = None) -> int:
     """Check all plugins in a file and print a line for each; return 0, or 2 if a check has failed.
 
     Files given with --plugin are registered first, so that names that they take are refused.
     """
     from evac.base.errors import EvacError
+    from evac.case.loading import load_case
+    from evac.case.trust import run_plugin_files
     from evac.cli.main import BAD_INPUT
     from evac.conformance import check_plugin
+    from evac.conformance.trial import tried_in
     from evac.contract.registry import Registry
 
     registry, status = Registry([*others, file]), 0
-    for kind, name in registry.provided_by(Path(file).resolve()):
+    case = None if case_name is None else run_plugin_files(load_case(case_name, registry=registry))
+    provided = list(registry.provided_by(Path(file).resolve()))
+    for kind, name in provided:
         title = f"{kind.replace('_', ' ')} {name}"
         if kind == "case":
             say(f"{title}: is checked by: evac check {registry.get(kind, name)}")
@@ -90,12 +97,15 @@ def _check(file: str, others: list[str]) -> int:
             say(f"{title}: its arguments are valid; what it does is checked by a run: evac run CASE --plugin {file}")
             continue
         try:
-            check_plugin(registry.get(kind, name))
+            check_plugin(registry.get(kind, name), case)
         except EvacError as error:
             note(f"evac: {error}")
             status = BAD_INPUT
         else:
             say(f"{title}: all checks passed")
+    if case is not None and not status:
+        for line in tried_in(case, [(kind, name) for kind, name in provided if kind not in ("case", "hook")]):
+            say(line.replace("_", " ", line.partition(" ")[0].count("_")))
     return status
 
 

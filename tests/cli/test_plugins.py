@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import evac as evac_package
 from tests.conformance.mistakes import DO, WRITE
 from tests.conformance.sound import BEHAVIOUR, BODY_FORCE, EXPORTER
 
@@ -18,6 +19,46 @@ def test_what_passes_all_checks_is_listed(evac, capsys):
     said = capsys.readouterr()
     assert [line.partition(":")[0] for line in said.out.splitlines()] == ["force tried", "behaviour other"]
     assert said.err == ""
+
+
+LATE = (
+    BEHAVIOUR.replace(DO, "crowd.speed_factor[:] *= self.share if time > self.factor else 1.0")
+    + """
+
+@hookimpl
+def evac_metrics(results):
+    return {}
+"""
+)
+PREPARE = """    def prepare(self, scene):
+        self.share = float(scene.file("share.txt").read_text())
+    def unused(self):
+        return 1
+    def state(self):
+        return {}
+    def act"""
+
+
+def test_a_plugin_with_data_is_checked_in_its_case_which_says_what_ran_and_what_had_no_effect(evac, capsys):
+    """The behaviour acts from a time on, by a share in a file of the case."""
+    Path("late.py").write_text(LATE.replace("    def act", PREPARE).replace("maximum=1.0", "maximum=99.0"))
+    square = evac_package.load("square_room", {"people.people.number": 4, "simulation.duration": 5.0})
+    square.write("own.toml")
+    Path("square_room.msh").write_bytes(square.mesh.read_bytes())
+    Path("share.txt").write_text("0.25")
+    Path("own.toml").write_text(Path("own.toml").read_text() + "\n[behaviours.tried]\nfactor = 99.0\n")
+    assert evac("plugins", "--check", "late.py") == 2  # the shipped case has no such file
+    assert "share.txt" in capsys.readouterr().err
+    assert evac("plugins", "--check", "late.py", "--case", "own.toml") == 0
+    said = capsys.readouterr().out
+    assert re.search(r"^behaviour tried: prepare ran once$", said, re.MULTILINE)
+    assert re.search(r"^behaviour tried: act ran \d+ times$", said, re.MULTILINE)
+    assert re.search(r"^behaviour tried: unused never ran$", said, re.MULTILINE)
+    assert "behaviour tried: had no effect" in said
+    Path("own.toml").write_text(Path("own.toml").read_text().replace("factor = 99.0", "factor = 1.0"))
+    assert evac("plugins", "--check", "late.py", "--case", "own.toml") == 0
+    assert "no effect" not in capsys.readouterr().out
+    assert evac("plugins", "--check", "late.py", "--case", "square_room") == 2
 
 
 CLOSING = """

@@ -18,6 +18,7 @@ from tests.physics.scenes import kinetic_energy, make_building, make_engine, uni
 NAMES = [
     *(
         "crowding.py",
+        "fetch_child.py",
         "personal_space.py",
         "centrifugal.py",
         "keep_right.py",
@@ -35,6 +36,30 @@ def positions(case, ticks):
     for _ in range(ticks):
         simulation.advance_tick()
     return simulation.population.crowd.position
+
+
+def home(plugin_files):
+    plan = evac.Plan()
+    plan.storey("home", [(0, 0), (14, 0), (14, 6), (0, 6)])
+    plan.exit("door", "home", [(0, 2), (0, 4)])
+    plan.area("hall", "home", [(1, 1), (4, 1), (4, 5), (1, 5)])
+    plan.area("playroom", "home", [(10, 1), (13, 1), (13, 5), (10, 5)])
+    groups = (("parents", "hall"), ("children", "playroom"))
+    people = [{"name": name, "area": area, "number": 4} for name, area in groups]
+    table = {"building": plan, "people": people, "contact": {"model": "nsm2"}, "behaviours": {"fetch_child": {}}}
+    return evac.load(table, plugin_files=[plugin_files["fetch_child.py"]])
+
+
+def test_parents_fetch_their_children_and_leave_with_them(plugin_files):
+    """Nobody leaves without the other, and parents walk to the playroom and back: 6 m at least, twice."""
+    assert len(plugin_files["fetch_child.py"].read_text().splitlines()) <= 40
+    results = evac.run(home(plugin_files))
+    children, parents = (group.rows for group in results.groups)
+    assert results.evacuated == 8
+    assert (results.crowd.distance[parents] > 12.0).all()
+    assert (results.crowd.start_time[children] > 2.0).all()
+    together = results.crowd.exit_time[children] - results.crowd.exit_time[parents]
+    assert np.abs(together).max() < 4.0
 
 
 def test_every_file_is_tried_here(plugin_files):
@@ -60,7 +85,9 @@ def test_a_documented_plugin_is_one_class_that_conforms(plugin_files, name):
     ]
     assert len(classes) == 1
     if f"import {plugin_files[name].stem}\n" not in plugin_files["test_my_plugins.py"].read_text():
-        check_plugin(classes[0])  # the others conform in the documented tests, which are run below
+        check_plugin(
+            classes[0], home(plugin_files) if name == "fetch_child.py" else None
+        )  # the others conform in the documented tests, which are run below
 
 
 def test_documented_tests_pass_with_pytest(plugin_files):
