@@ -143,7 +143,7 @@ class Runner(Command):
         return {"phase": "ended", "status": verdict, "answer": answer, "files": files, "when": when}
 
     def _progress(self) -> dict[str, Any]:
-        """Return how far a run is, in words, and where people are by storey."""
+        """Return how far a run is, in words, and by storey where people are: x, y, z, ... [m]."""
         try:
             if self._trajectory is None:
                 self._trajectory = read_trajectory(self.running / TRAJECTORY_NAME)
@@ -156,7 +156,7 @@ class Runner(Command):
         now = Progress(frame["time"], duration, trajectory.number_of_people, out)
         seen, first = self._first = self._first or (time.perf_counter(), now)
         text = numbers_of(first, now, time.perf_counter() - seen) if now != first else "running"
-        at = np.round(frame["position"], 2)
+        at = np.round(np.column_stack([frame["position"], frame["z"]]), 2)
         storey = np.array(_storeys(trajectory))[frame["level"]]
         return {"text": text, "people": {str(name): at[storey == name].ravel().tolist() for name in set(storey)}}
 

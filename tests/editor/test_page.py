@@ -101,8 +101,12 @@ class Page:
     def text(self, selector):
         return self.browser.text(selector)
 
+    def picture(self):
+        self.browser.settle()
+        return np.array(Image.open(io.BytesIO(self.browser.picture())).convert("RGB")).astype(int)
+
     def colour(self, x, y):
-        picture = np.array(Image.open(io.BytesIO(self.browser.picture())).convert("RGB"))
+        picture = self.picture()
         left, top = self.spot(x, y)
         return picture[round(top) - 6 : round(top) + 6, round(left) - 6 : round(left) + 6].reshape(-1, 3)
 
@@ -319,13 +323,24 @@ def test_groups_know_areas_and_storeys_by_their_new_names(page):
 
 def test_people_of_a_run_are_on_their_storey(page, monkeypatch):
     accent = np.array([0x0B, 0x63, 0xA5])
-    state = {"phase": "running", "text": "1/2 out", "people": {"ground": [6, 6], "first": [6, 7]}}
+    state = {"phase": "running", "text": "1/2 out", "people": {"ground": [6, 6, 0], "first": [6, 7, 3.2]}}
     monkeypatch.setattr(page.server.session.runner, "state", lambda: state)
     page.browser.wait("document.getElementById('run-text').textContent === '1/2 out'")
     page.browser.settle()
     assert page.text("#run") == "Stop"
     assert np.abs(page.colour(6, 6) - accent).sum(axis=1).min() < 40
     assert np.abs(page.colour(6, 7) - accent).sum(axis=1).min() > 100
+    empty = page.run("editor.view3d.people = {}, document.getElementById('view-3d').click()") or page.picture()
+    page.run("editor.running.show(editor.running.state)")
+    page.browser.settle()
+    figures = page.run(
+        "(({ count, parts, bodies }) => [count, parts, [...bodies.slice(0, 8)]])(editor.view3d.figures())"
+    )
+    middle = page.run("editor.view3d.origin")
+    places = [6 - middle[0], 6 - middle[1], 0, 6 - middle[0], 7 - middle[1]]
+    assert figures[:2] == [2, [[0, 1], [1, 1]]]
+    assert [*figures[2][:3], *figures[2][4:6]] == pytest.approx(places)
+    assert 20 < (np.abs(page.picture() - empty).sum(axis=2) > 60).sum() < 5000
 
 
 def test_floor_that_cannot_be_left_is_hatched(page):
@@ -366,17 +381,21 @@ def test_every_tool_draws(page):
         "storey": "ground",
         "polygon": [[14, 0], [18, 0], [18, 5], [14, 5]],
     }
-    door, way = plan["doors"][-1]["segment"], plan["exits"][-1]["segment"]
-    assert {x for x, _ in door} == {14}
-    assert abs(door[0][1] - door[1][1]) == pytest.approx(0.9)
-    assert [x for x, _ in way] == [18, 18]
+    assert plan["doors"][-1]["segment"] == {"rooms": ["shop", "room"], "at": 2, "width": 0.9}
+    assert plan["exits"][-1]["segment"] == {"rooms": ["room"], "side": 1, "at": 3, "width": 1.2}
     assert plan["obstacles"][-2]["polygon"] == [[10, 1.4], [11, 1.4], [11, 2.5]]
     assert np.ptp(plan["obstacles"][-1]["polygon"], axis=0) == pytest.approx([3, 0.1])
     assert plan["areas"][-1]["polygon"] == [[15, 1.4], [17, 1.4], [17, 4], [15, 4]]
     stair = plan["shafts"][-1]
     assert (stair["lower"], stair["upper"], stair["direction"]) == ("ground", "first", [1, 0])
     page.judged()
-    assert {row["name"] for row in page.run("editor.view.judged.segments.doors")} == {"door", "door 2"}
+    drawn = {row["name"]: row["ends"] for row in page.run("Object.values(editor.view.judged.segments).flat()")}
+    assert drawn["door 2"] == [[14, 1.55, 14, 2.45]]
+    assert drawn["exit"] == [[18, 2.4, 18, 3.6]]
+    for section, name in (("doors", "door 2"), ("exits", "exit")):
+        ref = f"{{ section: '{section}', index: editor.store.now.rows('{section}').length - 1 }}"
+        line = page.run(f"editor.view.lineOf({ref}, editor.store.now.row({ref})).flat()")
+        assert line == drawn[name][0]
     saved = page.saved()
     assert saved == plan
 
@@ -506,6 +525,33 @@ def test_a_storey_is_copied_up_with_its_stair(page):
     assert [row["z"] for row in page.plan["storeys"]] == pytest.approx([0, 3.2, 6.4, 9.6, 12.8])
     assert page.run("editor.view.judged.levels.filter(({ kind }) => kind === 'flight').length") == 4
     assert page.saved() == page.plan
+
+
+def test_single_stairs_are_copied_with_their_storey(page):
+    page.run("const { store } = editor; store.commit(store.now.with({ shafts: [], stairs: store.now.rows('shafts') }))")
+    page.judged()
+    assert page.text("#verdict") == "Can be run"
+    page.run("editor.act.goTo('first')")
+    page.run("document.querySelector('#copy button').click()")
+    assert [(row["lower"], row["upper"]) for row in page.plan["stairs"]] == [("ground", "first"), ("first", "first 2")]
+    page.judged()
+    assert page.run("editor.view.judged.levels.filter(({ kind, reached }) => kind === 'flight' && reached).length") == 2
+
+
+def test_infinite_values_and_openings_of_files_are_shown(page):
+    page.run("""(() => { const { store } = editor, rows = store.now.rows("people");
+        store.commit(store.now.set({ section: "people", index: 0 }, { ...rows[0], number: null, speed: null })
+            .add("openings", { name: "gate", storey: "ground", segment: [[14, 2], [14, 3]] })); })()""")
+    page.run("editor.act.select({ section: 'people', index: 0 })")
+    label = "[...document.querySelectorAll('#inspector label')].find((one) => one.textContent.startsWith('{}'))"
+    number, speed = map(label.format, ("Number", "Value"))
+    assert page.run(f"{number}.querySelector('input').placeholder") == "inf"
+    assert page.run(f"{speed}.querySelector('input').value") == "inf"
+    page.click((14, 2.5))
+    assert page.text("#inspector h2") == "Opening gate"
+    page.run("document.querySelector('#inspector .actions').lastChild.previousSibling.click()")
+    assert (page.plan["openings"], page.plan["exits"][-1]["name"]) == ([], "gate")
+    page.keys("z", "z", modifiers=CONTROL)
 
 
 def test_undo_goes_back_to_the_file_also_after_saving(page):

@@ -63,7 +63,7 @@ def test_a_run_is_found_again_and_stopped_by_another_one(house, runners, tmp_pat
     first, second = runners(), runners()
     first.begin("run")
     state = awaited(second, lambda state: state.get("people") and "ETA" in state["text"])
-    assert {name: len(at) // 2 for name, at in state["people"].items()} == {"ground": 15, "first": 10}
+    assert {name: len(at) // 3 for name, at in state["people"].items()} == {"ground": 15, "first": 10}
     second.stop()
     for runner in (first, second):
         assert awaited(runner, lambda state: state["phase"] != "running")["phase"] == "ended"

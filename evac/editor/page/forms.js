@@ -121,7 +121,7 @@ class Forms {
   }
 
   field(key, schema, value, change, place) {
-    const { type, description: title = "" } = schema, [unit = ""] = title.match(/ \[[^\]]+\]$/) ?? [], text = capital(key.replaceAll("_", " ")) + unit, hint = schema.default === undefined ? "" : String(schema.default), names = this.names(place);
+    const { type, description: title = "" } = schema, [unit = ""] = title.match(/ \[[^\]]+\]$/) ?? [], text = capital(key.replaceAll("_", " ")) + unit, hint = value === null ? "inf" : schema.default === undefined ? "" : String(schema.default), names = this.names(place);
     if (schema.isDistribution) return this.distribution(text, schema, value, change);
     if (names) return this.choice(text, [...new Set(["", ...names, ...(value === undefined ? [] : [value])])], value, change, title);
     if (schema.enum) return this.choice(text, ["", ...schema.enum], value, change, title);
@@ -143,9 +143,9 @@ class Forms {
     const [box, curve] = [document.createElement("fieldset"), node("canvas", "", { className: "curve" })];
     const meaning = NUMBERS[kind] ?? this.kinds.find(([name]) => name === kind)?.[1].description ?? "";
     box.append(node("legend", text, { title: description }), this.choice("Kind", kinds, kind, (next) => change(writeDistribution(next, next === kind ? numbers : [], bounds, value))));
-    if (kind) box.append(this.input(capital(meaning), { value: numbers.join(", ") }, (words) => change(writeDistribution(kind, (words ?? "").split(",").map(Number), bounds, value))));
+    if (kind) box.append(this.input(capital(meaning), { value: numbers.map((one) => one ?? "inf").join(", ") }, (words) => change(writeDistribution(kind, (words ?? "").split(",").map(Number), bounds, value))));
     if (kind && ![FACTOR, "constant", "list"].includes(kind)) {
-      for (const key of ["minimum", "maximum"]) box.append(this.input(capital(key), { type: "number", value: bounds[key] ?? "" }, (bound) => change(writeDistribution(kind, numbers, { ...bounds, [key]: bound }, value))));
+      for (const key of ["minimum", "maximum"]) box.append(this.input(capital(key), { type: "number", value: bounds[key] ?? "", placeholder: bounds[key] === null ? "inf" : "" }, (bound) => change(writeDistribution(kind, numbers, { ...bounds, [key]: bound }, value))));
       box.append(curve);
       this.draw(curve, value);
     }
@@ -178,6 +178,7 @@ function parsed(words) {
 // A distribution as it is in a case: a number, or a table with a kind and bounds.
 function readDistribution(value) {
   if (value === undefined) return { kind: "", numbers: [] };
+  if (value === null) return { kind: "constant", numbers: [null] };  // JSON has null for infinity.
   if (typeof value === "number") return { kind: "constant", numbers: [value] };
   const { minimum, maximum, ...rest } = value, [kind] = Object.keys(rest), given = rest[kind];
   if (given?.mean !== undefined) return { kind: BY_MEAN, numbers: [given.mean, given.deviation], minimum, maximum };

@@ -27,7 +27,7 @@ class Inspector {
 
   field(label, value, kind, change) {
     const box = node("label", label), isChoice = Array.isArray(kind) || kind === STOREY;
-    const input = isChoice ? document.createElement("select") : node("input", "", { type: kind, step: "any", value: value ?? "" });
+    const input = isChoice ? document.createElement("select") : node("input", "", { type: kind, step: "any", value: value ?? "", placeholder: value === null ? "inf" : "" });  // JSON has null for it.
     if (isChoice) {
       const all = kind === STOREY ? ["", ...this.table.storeys.map(({ name }) => name)] : kind;
       input.append(...all.map((one) => node("option", one || "–", { value: one })));
@@ -54,6 +54,7 @@ class Inspector {
     if (what !== "storey" && !isOfCase) parts.push(...this.sizes(ref, row));
     const actions = node("div", "", { className: "actions" });
     if (selected && isNamed) actions.append(this.button("Duplicate", "Ctrl+D", this.act.duplicate));
+    if (section === "openings") actions.append(this.button("Make it an exit", "", () => { commit(this.table.remove(ref).add("exits", row)); this.act.select({ section: "exits", index: this.table.rows("exits").length - 1 }); }));
     if (selected || this.table.storeys.length > 1) actions.append(this.button("Delete", "Delete", this.act.remove));
     refill(box, [...parts, actions]);
   }

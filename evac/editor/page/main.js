@@ -166,7 +166,7 @@ async function start() {
     },
   };
   const forms = isCase ? new Forms(store, act, declared) : null, inspector = new Inspector(store, view, act, forms);
-  const tools = new Tools(store, view, act), running = new Running(view, act, isCase), designs = isCase ? new Designs(act) : null;
+  const tools = new Tools(store, view, act), running = new Running(view, view3d, act, isCase), designs = isCase ? new Designs(act) : null;
   const pictures = new Pictures(view, store, act);
   Object.assign(view, { tools, pictures });
   tools.pictures = pictures;
@@ -235,7 +235,7 @@ async function start() {
     if (building) {
       view.judged = { ...building, hasExits: building.segments.exits.length > 0 };
       view.judgedRevision = revision;
-      view3d.show({ building: building.three.building, floors: building.three.floors });
+      view3d.show({ building: building.three.building, floors: building.three.floors, origin: building.three.origin });
     } else view.judgedRevision = -1;
     locate();
     inspector.showFindings(findings);

@@ -77,9 +77,11 @@ class PlanView {
     return (this.judged?.levels ?? []).filter((level) => level.storey === this.storey || (level.storey === null && level.z[0] > z - 0.05 && level.z[0] < top - 0.05));
   }
 
-  // The ends of a door, an exit or the foot of a stair; of a tied one as it was judged.
+  // The ends of a door, an exit or the foot of a stair; of one that is tied to rooms of other storeys as it was judged.
   lineOf(ref, row) {
     if (ON_WALLS.includes(ref.section) && isTie(row.segment)) {
+      const wall = this.table.wallOf(row.segment, row.storey), drawn = wall && partOf(wall, row.segment);
+      if (drawn) return drawn;
       const ends = this.judged?.segments[ref.section]?.find((one) => one.name === row.name && one.storey === row.storey)?.ends[0];
       return ends ? [ends.slice(0, 2), ends.slice(2)] : null;
     }
@@ -256,7 +258,7 @@ class PlanView {
   paintPeople() {
     const { pen, look, people, storey } = this, all = people[storey] ?? [];
     pen.beginPath();
-    for (let k = 0; k < all.length; k += 2) {
+    for (let k = 0; k < all.length; k += 3) {
       pen.moveTo(all[k] + BODY, all[k + 1]);
       pen.arc(all[k], all[k + 1], BODY, 0, 7);
     }

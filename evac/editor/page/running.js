@@ -1,8 +1,8 @@
 // The run of the case: started and stopped here, and shown as it goes on; its answer when it has ended.
 
 class Running {
-  constructor(view, act, canRun) {
-    Object.assign(this, { view, act, canRun, state: { phase: "none" } });
+  constructor(view, view3d, act, canRun) {
+    Object.assign(this, { view, view3d, act, canRun, state: { phase: "none" } });
     by("run").addEventListener("click", () => this.toggle());
     by("report").addEventListener("click", () => this.order("report"));
     if (!canRun) Object.assign(by("run"), { disabled: true, title: "A plan file has no people: open a case with it" });
@@ -28,8 +28,10 @@ class Running {
   show(state) {
     const { phase, text = "", answer = [], files = [], status = "none", when, people = {} } = state, first = answer[0] ?? text;
     this.state = state;
-    this.view.people = people;
-    this.view.draw();
+    for (const view of [this.view, this.view3d]) {
+      view.people = people;
+      view.draw();
+    }
     by("run").textContent = this.isOn ? "Stop" : "Run";
     by("run-text").textContent = { none: "Not run yet", running: text, failed: "The run has failed", ended: `Result of ${when}` }[phase];
     by("run-verdict").className = phase === "failed" ? "error" : status;

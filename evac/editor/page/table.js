@@ -89,6 +89,18 @@ function isBeside([a, b], other) {
   return away <= WALL && Math.min(whole, Math.max(...along)) - Math.max(0, Math.min(...along)) > 0.05;
 }
 
+// The outline of a room, whose other rings are holes in it; none of a room of several parts.
+function outlineOf(row) {
+  const [outer, ...others] = ringsOf(row ?? {});
+  return outer && others.every(([corner]) => isInside(corner, outer)) ? outer : null;
+}
+
+// The part of a wall that a tie names.
+function partOf([a, b], { at, width }) {
+  const { step, whole } = nearest(a, [a, b]), half = (width ?? whole) / 2, centre = at ?? whole / 2;
+  return [centre - half, centre + half].map((along) => a.map((value, i) => mm(value + along * step[i])));
+}
+
 class Table {
   constructor(content) { Object.assign(this, { content, found: new Map() }); }
 
@@ -126,6 +138,32 @@ class Table {
   // The faces of all walls of a storey: sides of rooms and of its ground.
   walls(name) {
     return this.once(`walls ${name}`, () => this.on(name).filter(({ section }) => section === "rooms" || section === "storeys").flatMap((ref) => this.rings(ref).flatMap(sidesOf2)));
+  }
+
+  // The wall that a tie names: from a corner of a room to the next, or the longest one between two rooms, from its end
+  // with the least x, then y. None if a room is not an outline of this storey.
+  wallOf({ rooms, side }, storey) {
+    const outlines = rooms.map((name) => outlineOf(this.rows("rooms").find((row) => row.name === name && row.storey === storey)));
+    if (!outlines.every(Boolean)) return null;
+    const [own, other] = outlines.map(sidesOf2);
+    if (!other) return own[side] ?? null;
+    let best = null, most = 0;
+    for (const a of own) for (const b of other.filter((one) => isBeside(a, one))) {
+      const { step, whole } = nearest(b[0], b), along = a.map((end) => minus(end, b[0])).map(([x, y]) => x * step[0] + y * step[1]);
+      const [from, to] = [Math.max(0, Math.min(...along)), Math.min(whole, Math.max(...along))];
+      const between = (way) => { const at = b[0].map((value, i) => value + way * step[i]), off = minus(a[0], at), aside = off[0] * step[1] - off[1] * step[0]; return [at[0] + aside * step[1] / 2, at[1] - aside * step[0] / 2]; };
+      if (to - from > most) [most, best] = [to - from, [between(from), between(to)]];
+    }
+    return best?.sort(([x1, y1], [x2, y2]) => x1 - x2 || y1 - y2) ?? null;
+  }
+
+  // A tie to the walls of rooms for a line that was drawn on them; the line itself where there are no such walls.
+  tied(section, ends, storey) {
+    const rooms = this.rows("rooms").filter((row) => row.storey === storey && outlineOf(row) && sidesOf2(outlineOf(row)).some((side) => isBeside(ends, side)));
+    if (rooms.length !== (section === "doors" ? 2 : 1)) return ends;
+    const tie = { rooms: rooms.map(({ name }) => name), ...(section === "doors" ? {} : { side: sidesOf2(outlineOf(rooms[0])).findIndex((side) => isBeside(ends, side)) }) };
+    const wall = this.wallOf(tie, storey), { step, whole } = nearest(wall[0], wall), [x, y] = minus(middle(ends), wall[0]), at = mm(x * step[0] + y * step[1]), width = mm(length(minus(ends[1], ends[0])));
+    return at - width / 2 < 0 || at + width / 2 > whole ? ends : { ...tie, at, width };
   }
 
   with(changes) {
@@ -181,6 +219,10 @@ class Table {
     }
     if (ref.part !== undefined) return Array.isArray(row.polygons) && !isRing(row.polygons) ? this.put(ref, "polygons", row.polygons.filter((_, k) => k !== ref.part)) : this.put(ref, "polygons");
     const next = this.with({ [ref.section]: this.rows(ref.section).filter((_, k) => k !== ref.index) });
+    if (ref.section === "rooms") {
+      const isOn = (one) => one.storey === row.storey && [one.segment, one.polygon].some((shape) => isTie(shape) && shape.rooms.includes(row.name));
+      return next.with(Object.fromEntries([...ON_WALLS, "areas"].filter((section) => next.rows(section).some(isOn)).map((section) => [section, next.rows(section).filter((one) => !isOn(one))])));
+    }
     if (ref.section !== "storeys") return next;
     const all = this.storeys.map((one) => one.name), at = all.indexOf(row.name), changes = {};
     for (const section of [...POLYGONS, ...ON_WALLS, "stairs"]) if (next.content[section]) changes[section] = next.rows(section).filter((one) => ![one.storey, one.lower, one.upper].includes(row.name));
@@ -211,7 +253,20 @@ class Table {
     }
     const rows = this.rows("storeys").findIndex((one) => one.name === name) + 1, others = next.rows("storeys").filter((row) => !copies.includes(row));
     next = next.with({ storeys: [...others.slice(0, rows), ...copies, ...others.slice(rows)] });  // in the order of their heights, which shafts need
-    return next.mapRows((row) => row.upper === name ? { ...row, upper: copies[count - 1].name } : row, ["shafts"]);
+    next = next.mapRows((row) => row.upper === name ? { ...row, upper: copies[count - 1].name } : row, ["shafts"]);
+    return next.repeatStairs(name, copies.map((one) => one.name), all[at + 1]?.name);
+  }
+
+  // Single stairs from a storey to the one above lead to its copies, one after the other; without one above, those to it.
+  repeatStairs(name, copies, above) {
+    const way = [name, ...copies, ...(above ? [above] : [])], isMeant = (row) => above ? row.lower === name && row.upper === above : row.upper === name;
+    let next = this;
+    for (const row of this.rows("stairs").filter(isMeant)) {
+      const first = above ? way[1] : row.upper;
+      next = next.mapRows((one) => one === row ? { ...row, upper: first } : one, ["stairs"]);
+      for (let k = above ? 1 : 0; k + 1 < way.length; k++) next = next.add("stairs", { ...row, name: next.unique("stairs", row.name), lower: way[k], upper: way[k + 1] });
+    }
+    return next;
   }
 
   // All corners of a storey that are at one place are moved.

@@ -118,8 +118,9 @@ class Tools {
   lineAt(base, ref, row, point, start) {
     const [a, b] = this.view.lineOf(ref, row) ?? [start, start];
     if (isTie(row.segment)) {
-      const { step, along, whole } = nearest(a, [a, b]), by = minus(point, start), width = row.segment.width ?? whole;
-      return row.segment.at === undefined ? base : base.put(ref, "segment", { ...row.segment, at: mm(Math.max(width / 2, onGrid(row.segment.at + along + by[0] * step[0] + by[1] * step[1]))) });
+      const wall = base.wallOf(row.segment, row.storey) ?? [a, b].sort(([x1, y1], [x2, y2]) => x1 - x2 || y1 - y2), { step, whole } = nearest(wall[0], wall), by = minus(point, start), half = (row.segment.width ?? whole) / 2;
+      const at = onGrid((row.segment.at ?? whole / 2) + by[0] * step[0] + by[1] * step[1]), most = base.wallOf(row.segment, row.storey) ? whole - half : Infinity;
+      return base.put(ref, "segment", { ...row.segment, at: mm(Math.max(half, Math.min(most, at))) });
     }
     if (!isRing(row.segment)) return base.moveRow(ref, minus(point, start));
     const ends = onWall(plus(middle([a, b]), minus(point, start)), base.walls(this.storey), length(minus(b, a)));
@@ -180,7 +181,10 @@ class Tools {
       return;
     }
     const name = table.unique(section, tool), row = { name, storey };
-    if (tool === "door" || tool === "exit") row.segment = onWall(points[0], this.view.wallsHere(), WIDTHS[tool]);
+    if (tool === "door" || tool === "exit") {
+      const ends = onWall(points[0], this.view.wallsHere(), WIDTHS[tool]);
+      row.segment = ends && table.tied(section, ends, storey);
+    }
     else if (tool === "wall") row.polygon = stripOf(points, WIDTHS.wall);
     else if (tool === "stair") Object.assign(row, this.stairOf(points));
     else row.polygon = points;

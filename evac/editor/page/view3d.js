@@ -1,10 +1,10 @@
 // The building in 3D, drawn by the stage of the replay from what was judged last.
 
-const NOBODY = { bodies: new Float32Array(4096), tints: new Uint8Array(4096), width: 1024, count: 0, tallest: 2.5, marked: -1 };
+const ROW = 1024, TALLEST = 2.5, TALL = 1.7;  // People in a row of a texture, and heights of figures [m].
 
 class View3D {
   constructor(canvas) {
-    Object.assign(this, { canvas, camera: new Camera(), building: null });
+    Object.assign(this, { canvas, camera: new Camera(), building: null, people: {} });
     const look = () => this.draw();
     listenToPointers(canvas, this.camera, { draw: () => false, click() {}, look });
     canvas.addEventListener("keydown", ({ key }) => {
@@ -30,7 +30,7 @@ class View3D {
   build() {
     const { building } = this, storeys = findStoreys(building.levels), isFirst = !this.layout;
     const bits = Uint8Array.from(atob(this.floors), (sign) => sign.charCodeAt(0)), style = coloursOf("exit", "error");
-    this.stage ??= new Stage(this.canvas, 0);
+    this.stage ??= new Stage(this.canvas, ROW);
     this.layout = new Layout(building, 0.01, storeys);
     this.layout.arrange("3d", -1, this.layout.spreadFor({ tilt: 0.7, azimuth: 0.35 }, 0.5), this.camera.aspect);
     this.stage.build(this.layout, new Density(building, bits, 4), { shut: [], entrances: [], marks: [] }, { exit: unit(style.exit), closed: unit(style.error), places: {} });
@@ -38,6 +38,23 @@ class View3D {
     this.stage.setScale(new Uint32Array(256));
     this.isBuilt = true;
     if (isFirst) this.fit();
+  }
+
+  // People of a run as the stage draws them: storey by storey, as the levels are.
+  figures() {
+    const all = Object.values(this.people).flat(), count = all.length / 3, room = ROW * Math.max(1, Math.ceil(count / ROW)), [ox, oy] = this.origin;
+    const bodies = new Float32Array(4 * room), tints = new Uint8Array(4 * room), colour = unit(coloursOf("accent").accent).map((share) => 255 * share);
+    const { storeys } = this.layout, storeyOf = (z) => Math.max(0, storeys.findLastIndex((storey) => storey.z <= z + SAME_STOREY));
+    const order = Array.from({ length: count }, (_, k) => k).sort((a, b) => storeyOf(all[3 * a + 2]) - storeyOf(all[3 * b + 2])), sizes = storeys.map(() => 0);
+    order.forEach((k, row) => {
+      const [x, y, z] = all.slice(3 * k, 3 * k + 3);
+      bodies.set([x - ox, y - oy, this.layout.height(z), BODY], 4 * row);
+      tints.set([...colour, 255 * TALL / TALLEST], 4 * row);
+      sizes[storeyOf(z)] += 1;
+    });
+    let total = 0;
+    const parts = sizes.map((size) => [(total += size) - size, size]);
+    return { bodies, tints, width: ROW, count, parts, tallest: TALLEST, marked: -1 };
   }
 
   draw() {
@@ -52,7 +69,7 @@ class View3D {
       const of = (...names) => names.flatMap((name) => unit(coloursOf(name)[name]));
       const look = { ...this.layout.boxInPicture(), background: of("ground"), floors: of("floor", "flight", "landing"), solids: of("wall", "wall-top", "desk"), marks: new Array(30).fill(-1), mark: of("mark"), rim: of("text"), layer: 0, shadows: false, widen: 1 };
       this.camera.update();
-      this.stage.draw(this.camera, { ...NOBODY, parts: this.layout.storeys.map(() => [0, 0]) }, look);
+      this.stage.draw(this.camera, this.figures(), look);
     });
   }
 }
