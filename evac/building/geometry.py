@@ -129,19 +129,20 @@ def below(plan: BaseGeometry, height: Callable[[float, float], float], z: float)
     return plan.intersection(shapely.Polygon(half))
 
 
-#: Polygons whose unit normal has a smaller vertical component are upright (walls); their plan outline is not checked.
-UPRIGHT = 0.2
 #: Grid on which polygons are united that do not share their sides [m].
 SNAP = 1e-8
 
 
 def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """Return triangles (t, 3) of polygons (n, k), fans of convex ones, and the row (t,) of each in `polygons`."""
+    """Return triangles (t, 3) of polygons (n, k) in any plane, fans of convex ones, and the row (t,) of each."""
     n, k = polygons.shape
     if k == 3:
         return polygons, np.arange(n)
     polygons = _start_at_least(points, polygons)
-    plan = points[polygons][:, :, :2]
+    corners = points[polygons] - points[polygons[:, :1]]
+    normal = np.abs(np.cross(corners, np.roll(corners, -1, axis=1)).sum(axis=1))  # Newell's method
+    across = np.where(normal[:, 2] >= normal[:, :2].max(axis=1), 2, normal[:, :2].argmax(axis=1))
+    plan = np.take_along_axis(points[polygons], np.array([[1, 2], [0, 2], [0, 1]])[across][:, None], axis=2)
     step = np.roll(plan, -1, axis=1) - plan
     following = np.roll(step, -1, axis=1)
     turn = step[..., 0] * following[..., 1] - step[..., 1] * following[..., 0]
@@ -152,7 +153,7 @@ def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, I
     triangles = [fans.reshape(-1, 3)]
     owner = [np.repeat(np.flatnonzero(is_convex), k - 2)]
     for row in np.flatnonzero(~is_convex):
-        pieces = _delaunay(points, polygons[row])
+        pieces = _delaunay(points, plan[row], polygons[row], bool(across[row] != 2))
         triangles.append(pieces)
         owner.append(np.full(len(pieces), row))
     return np.concatenate(triangles), np.concatenate(owner)
@@ -193,14 +194,11 @@ def _start_at_least(points: FloatArray, polygons: IndexArray) -> IndexArray:
     return turned
 
 
-def _delaunay(points: FloatArray, polygon: IndexArray) -> IndexArray:
-    """Triangulate a non-convex polygon."""
-    plan = points[polygon, :2]
+def _delaunay(points: FloatArray, plan: FloatArray, polygon: IndexArray, is_upright: bool) -> IndexArray:
+    """Triangulate a non-convex polygon, by its corners (k, 2) in its plane; an upright one may cross itself."""
     outline = shapely.Polygon(plan)
     if not outline.is_valid:
-        corners = points[polygon] - points[polygon[0]]
-        normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)  # Newell's method
-        if abs(normal[2]) < UPRIGHT * float(np.linalg.norm(normal)):
+        if is_upright:
             return np.array([polygon[[0, i, i + 1]] for i in range(1, len(polygon) - 1)])
         x, y, z = points[polygon[0]]
         raise ValueError(f"the outline of the polygon at ({x:z.2f}, {y:z.2f}, {z:z.2f}) crosses itself in plan")

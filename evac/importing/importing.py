@@ -15,6 +15,7 @@ import shapely
 from evac.base.arguments import PATH, check_types
 from evac.base.errors import BuildingError, EvacError, ScenarioError, usable_path
 from evac.base.parameters import did_you_mean
+from evac.base.phases import shown_by
 from evac.building.model.building import Building
 from evac.building.model.findings import KINDS, Finding
 from evac.building.options import BuildingOptions, SurfaceOptions
@@ -142,6 +143,7 @@ def import_building(
         else:
             read, findings = _read(paths, importers, z, registry)
             building.write(read, paths[0], own)
+        _show("finding openings, exits and rooms")
         openings = find_openings(building.written, building.openings)
         keeper = PLAN if PLAN in changed else CASE if CASE in changed and building.name == MESH else ""
         ways = [] if keeper == PLAN else [opening.exit() for opening in _chosen(exits, openings)]
@@ -183,6 +185,7 @@ def import_building(
             keys = {"mesh": building.name} | building.kept | ({"missing": list(missing)} if missing else {})
             text = case_text(made, [] if building.name == PLAN else ways, keys, building.lines, spacing, basis)
             (draft / CASE).write_text(text, encoding="utf-8", errors="replace")
+        _show("checking the case")
         if not made.is_accepted:
             made = replace(made, fault="the building is incomplete")
         else:
@@ -190,11 +193,18 @@ def import_building(
         produced = {building.name, *([CASE] if made.is_accepted else [])}
         digests = {name: digest_of_file(draft / name)[:16] if name in produced else "none" for name in (CASE, PLAN)}
         (draft / REPORT).write_text(report_text(made, digests | changed), encoding="utf-8", errors="replace")
+        _show("drawing every level")
         _draw(made, draft, are_named=bool(building.openings))
         if building.name == MESH and not made.is_accepted:
             produced = set()
         _publish(draft, place, {PICTURE, REPORT, *produced}, changed)
     return made
+
+
+def _show(what: str) -> None:
+    """Have it shown, if a command does so, what an import is at."""
+    for show in shown_by[-1:]:
+        show(what, 1, 1)
 
 
 def _changed_files(folder: Path) -> dict[str, str]:
@@ -257,6 +267,7 @@ class _Draft:
                 (1.0, "") if "scale" in own.model_fields_set else likely_unit(turned(checked(source, mesh), own.up))
             )
             own = own.model_copy(update={"scale": unit * own.scale})
+            _show("finding the surface on which people walk")
             surface = clean(mesh, source, own)
             building = building_of(surface, source, need_exit=False)
             lost = sum(one.number for one in building.findings if one.element == "face")
@@ -300,6 +311,7 @@ class _Draft:
 
     def _build(self, file: Path, more: Mapping[str, Any] | None = None) -> None:
         """Read the building as a case does."""
+        _show("finding levels, stairs and doors")
         (importer,), _, _ = _options([file], {}, self._registry)
         read = read_file(importer, file)
         mesh = read if isinstance(read, SurfaceMesh) else read_storeys(read, self._registry).surface()
@@ -373,6 +385,7 @@ def _read(
     if len(paths) == 1:
         if z is not None:
             raise ScenarioError("z: heights can be given only for several files, one for each storey; remove them")
+        _show(f"reading {paths[0].name}")
         read = read_file(importers[0], paths[0])
         return (read_storeys(read, registry) if isinstance(read, Plan) else read), []
     heights = [STOREY_HEIGHT * k for k in range(len(paths))] if z is None else list(z)
@@ -380,6 +393,7 @@ def _read(
         raise ScenarioError(f"z: {len(heights)} heights for {len(paths)} files; give one for each file")
     plan, notes = Plan(paths[0].parent), []
     for path, importer, height in zip(paths, importers, heights, strict=True):
+        _show(f"reading {path.name}")
         read = read_file(importer, path)
         if not isinstance(read, Plan):
             raise BuildingError(f"{path}: is a mesh; with several files, each must be the plan of one storey")

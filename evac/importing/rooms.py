@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from evac.base.arrays import FloatArray
-from evac.base.defaults import NEGLIGIBLE
+from evac.base.defaults import LEAST_LENGTH, NEGLIGIBLE
 from evac.base.errors import counted
 from evac.building.geometry import segment_lengths
 from evac.building.model.building import Building, Level
@@ -84,7 +84,7 @@ def _outer(building: Building) -> list[tuple[int, FloatArray]]:
     step = (walls[:, 2:] - walls[:, :2]) / segment_lengths(walls)[:, None]
     outward = np.column_stack([step[:, 1], -step[:, 0]])
     middle = shapely.points((walls[:, :2] + walls[:, 2:]) / 2)
-    is_outer = shapely.dwithin(rings[np.searchsorted(index, on)], middle, 1e-6)
+    is_outer = shapely.dwithin(rings[np.searchsorted(index, on)], middle, LEAST_LENGTH)
     for share in LOOKS:
         start = walls[:, :2] + share * (walls[:, 2:] - walls[:, :2])
         behind = shapely.linestrings(np.stack([start + REACH * outward, start + THICKEST * outward], axis=1))

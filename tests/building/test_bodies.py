@@ -2,8 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 from evac.building.recover.bodies import Body, Rules, plan_of_bodies
+from evac.building.recover.bodies.body import snapped
 
 #: Corners of the faces of a box, outwards.
 FACES = ((0, 2, 1), (0, 3, 2), (4, 5, 6), (4, 6, 7), (0, 1, 5), (0, 5, 4), (1, 2, 6), (1, 6, 5), (2, 3, 7), (2, 7, 6))
@@ -33,3 +35,9 @@ def test_spaces_side_by_side_are_rooms_with_their_uses_and_one_without_a_floor_i
     assert [room.outline.area for room in plan.rooms] == pytest.approx([12.0, 18.0], rel=0.01)
     assert [one.text.partition(" is")[0] for one in plan.findings if one.kind == "missing"] == ["'c'"]
     assert plan.building(need_exit=False).levels[0].polygon.area == pytest.approx(30.0)
+
+
+def test_a_hole_as_wide_as_its_rounding_is_filled():
+    sliver = [(2.107, 1.417), (2.108, 1.417), (2.098, 1.4)]
+    plan = shapely.Polygon(shapely.box(0, 0, 5, 4).exterior, [sliver, shapely.box(3, 1, 4, 2).exterior.coords])
+    assert snapped(plan).area == 19.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.recover.drawings import flights_of, stairs_of
+from evac.building.recover.drawings import flights_of, plans_of, stairs_of
 
 
 def treads(number=9, going=0.28, width=1.2, at=(0.0, 0.0), turn=0.0):
@@ -52,3 +52,10 @@ def test_two_flights_side_by_side_turn_at_the_wall():
 
 def test_flights_that_are_not_side_by_side_are_stairs_of_their_own():
     assert len(stairs_of(flights_of([*treads(), *treads(at=(20.0, 0.0)), *treads(at=(0.0, 9.0))]), [])) == 3
+
+
+def test_plans_are_numbered_in_rows_wherever_they_begin():
+    low = [(0, 40), (30, 49), (60, 31), (0, 0), (30, 9)]  # those of a row are not level with each other
+    found = plans_of([shapely.box(x, y, x + 20, y + 15).exterior for x, y in np.array(low)[[4, 2, 0, 3, 1]]])
+    assert [part.bounds[0] + 1.25 for part in found] == pytest.approx([x for x, _ in low])
+    assert [part.bounds[1] + 1.25 for part in found] == pytest.approx([y for _, y in low])

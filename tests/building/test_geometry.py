@@ -5,7 +5,15 @@ import pytest
 import shapely
 from scipy import sparse
 
-from evac.building.geometry import are_beside, connected_components, pieces_along, remembered, segment_lengths, union
+from evac.building.geometry import (
+    are_beside,
+    connected_components,
+    pieces_along,
+    remembered,
+    segment_lengths,
+    triangulate,
+    union,
+)
 from tests.properties.random_meshes import random_mesh
 
 
@@ -17,6 +25,15 @@ def test_components_are_those_of_scipy(count, links):
     _, first, expected = np.unique(label, return_index=True, return_inverse=True)
     expected = np.argsort(np.argsort(first))[expected]
     np.testing.assert_array_equal(connected_components(count, pairs), expected)
+
+
+@pytest.mark.parametrize("across", [0, 1, 2])
+def test_a_polygon_that_is_not_convex_is_not_covered_twice_in_any_plane(across):
+    plan = np.array([(0, 0), (6, 0), (6, 1), (1, 1), (1, 5), (0, 5)], dtype=float)
+    points = np.insert(plan, across, 2.0, axis=1)
+    triangles, _ = triangulate(points, np.arange(6)[None])
+    sides = np.diff(points[triangles], axis=1)
+    assert np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum() / 2 == pytest.approx(10.0)
 
 
 @pytest.mark.parametrize("seed", [54, *range(0, 540, 18)])

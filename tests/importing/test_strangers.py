@@ -7,7 +7,7 @@ from tests.importing.strangers.drawings import MANNERS, dxf
 from tests.importing.strangers.judge import REFUSED, RIGHT, VERDICTS, judge
 
 #: How many of 20 must be right, by format; the rest is refused with the true reason.
-WANTED = dict.fromkeys(("dxf", "geojson", "osmjson", "osm", "imdf"), 19) | {"fds": 15}
+WANTED = dict.fromkeys(FORMATS, 19) | {"fds": 15}
 
 
 @pytest.mark.parametrize(("name", "seed"), [("osm", 2), ("fds", 1)])

@@ -373,7 +373,7 @@ def _joined(doors: FloatArray) -> FloatArray:
 
 
 def plans_of(walls: Sequence[BaseGeometry], apart: float = APART) -> list[BaseGeometry]:
-    """Return the ground of each plan in a drawing, from left to right and from the top down.
+    """Return the ground of each plan in a drawing, from left to right in rows from the top down.
 
     `walls` [m]; `apart` [m]: plans are farther apart than this.
     """
@@ -384,5 +384,9 @@ def plans_of(walls: Sequence[BaseGeometry], apart: float = APART) -> list[BaseGe
     length = np.zeros(len(parts))
     np.add.at(length, tree.query([*walls], predicate="intersects")[1], [line.length for line in walls])
     parts = parts[length >= LEAST_PLAN * length.max()]
-    tall = max(part.bounds[3] - part.bounds[1] for part in parts)
-    return sorted(parts, key=lambda part: (-round(part.centroid.y / tall), part.centroid.x))
+    rows, bottom = list[list[BaseGeometry]](), math.inf
+    for part in sorted(parts, key=lambda part: -part.bounds[3]):
+        rows += [[]] if part.bounds[3] < bottom else []
+        rows[-1].append(part)
+        bottom = min(bottom, part.bounds[1])
+    return [part for row in rows for part in sorted(row, key=lambda part: part.centroid.x)]

@@ -144,5 +144,8 @@ def without_slivers(geometry: BaseGeometry, width: float) -> BaseGeometry:
 
 
 def snapped(geometry: BaseGeometry) -> BaseGeometry:
-    """Round the corners of polygons to the grid of bodies, and smooth notches of a few grid steps."""
-    return flat_parts(shapely.set_precision(shapely.simplify(geometry, NOTCH), MILLIMETRE))
+    """Round the corners of polygons to the grid of bodies, and smooth notches and holes of a few grid steps."""
+    plan = shapely.set_precision(shapely.simplify(geometry, NOTCH), MILLIMETRE)
+    rings = shapely.polygons(shapely.get_rings(shapely.get_parts(plan)))
+    thin = rings[shapely.is_empty(shapely.buffer(rings, -NOTCH / 2))]
+    return flat_parts(shapely.union_all([plan, *thin], grid_size=MILLIMETRE) if len(thin) else plan)

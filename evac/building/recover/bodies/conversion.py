@@ -12,11 +12,11 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.defaults import HEADROOM
 from evac.base.errors import BuildingError
-from evac.building.geometry import common, cut, place_of, united
+from evac.building.geometry import common, cut, flat_parts, place_of, united
 from evac.building.model.findings import Finding, and_more, grouped, numbered
 from evac.building.plan.outlines import normal, strip
 from evac.building.plan.plan import Plan
-from evac.building.recover.bodies.body import Body, closed, snapped
+from evac.building.recover.bodies.body import MILLIMETRE, NOTCH, Body, closed, snapped, without_slivers
 from evac.building.recover.bodies.flights import FoundStair, meeting, stairs_of
 from evac.building.recover.bodies.floors import Floor, Rules, floors_of
 
@@ -341,7 +341,7 @@ def _add_floor(
     for part in shapely.get_parts(ground):
         left = part
         for room, use, grown in spaces:
-            pieces = shapely.get_parts(common(grown, left))
+            pieces = shapely.get_parts(flat_parts(shapely.intersection(grown, left, grid_size=MILLIMETRE)))
             if shapely.area(pieces).sum() > max(LEAST_ROOM, ALL * part.area):
                 pieces = [left]
             piece = max(pieces, key=lambda own: own.area, default=shapely.Polygon())
@@ -349,8 +349,9 @@ def _add_floor(
                 name = numbered(room if room not in names else f"{room} of {floor.name}", names)
                 names.add(name)
                 rooms.append((name, use, piece))
-                left = cut(left, piece)
-        rest += [one for one in shapely.get_parts(left) if not one.is_empty]
+                left = flat_parts(shapely.difference(left, piece, grid_size=MILLIMETRE))
+        # A buffer as small as the precision of a geometry is empty.
+        rest += [*shapely.get_parts(without_slivers(shapely.set_precision(left, 0.0), NOTCH))]
     plan.storey(floor.name, rest or None, floor.z)
     for name, use, piece in rooms:
         plan.room(name, floor.name, piece, use=use or None)
