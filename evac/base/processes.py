@@ -33,7 +33,9 @@ class Pool(ProcessPoolExecutor):
         self.kill()
 
     def kill(self) -> None:
-        """End the processes at once."""
+        """End the processes at once, also in the midst of a result, at the end of which nobody waits then."""
+        if self._result_queue is not None:  # type: ignore[attr-defined]
+            self._result_queue._writer.close()  # type: ignore[attr-defined]
         for process in list((self._processes or {}).values()):
             process.kill()
         self.shutdown(cancel_futures=True)

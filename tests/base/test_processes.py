@@ -5,8 +5,10 @@ import os
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from concurrent.futures import BrokenExecutor, CancelledError
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +43,25 @@ def test_a_pool_ends_its_processes_in_the_midst_of_a_task(started):
     assert started[0].exitcode is not None
     with pytest.raises((BrokenExecutor, CancelledError)):
         task.result()
+
+
+def test_a_pool_ends_in_the_midst_of_a_result(monkeypatch):
+    """Python waits for the end of a message as long as the pipe has a writer, which this process would be."""
+    receive, begun = Connection._recv, threading.Event()
+
+    def received(connection, size, *more):
+        if size > 1_000_000:
+            begun.set()
+        return receive(connection, size, *more)
+
+    monkeypatch.setattr(Connection, "_recv", received)
+    with Pool(1) as pool:
+        pool.submit(bytes, 500_000_000)
+        assert begun.wait(60)
+        ending = threading.Thread(target=pool.kill, daemon=True)
+        ending.start()
+        ending.join(20)
+        assert not ending.is_alive()
 
 
 def test_what_a_quiet_worker_prints_is_not_shown(capfd):

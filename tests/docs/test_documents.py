@@ -2,6 +2,7 @@
 
 import csv
 import re
+import shlex
 import subprocess
 import sys
 from collections import Counter
@@ -12,6 +13,7 @@ import pytest
 from shapely import Point
 
 import evac
+from evac.cli.main import main, parser
 from evac.results.results import EGRESS_COLUMNS, EXPOSURE_COLUMNS, PEOPLE_COLUMNS
 from evac.simulation.simulation import Simulation
 from tests.docs.conftest import ROOT, filled, table
@@ -55,14 +57,17 @@ def test_named_modules_exist(document, text):
             assert hasattr(importlib.import_module(module), attribute), f"{document} names {name}"
 
 
-def test_commands_of_the_readme_exist(text):
-    words = set(re.findall(r"`evac (\w+)", text("README.md"))) | set(re.findall(r"&& evac (\w+)", text("README.md")))
-    help_text = subprocess.run(
-        [sys.executable, "-m", "evac", "--help"], capture_output=True, text=True, check=True
-    ).stdout
-    assert len(words) >= 5
-    for word in words:
-        assert re.search(rf"^ +{word}( |$)", help_text, re.MULTILINE), word
+def commands_of(page):
+    """Return the commands of evac in the blocks of a page, as words."""
+    lines = "\n".join(fenced(page, "bash")).replace("\\\n", " ").splitlines()
+    commands = [part.partition(">")[0].strip() for line in lines for part in line.split("&&")]
+    return [shlex.split(command, comments=True)[1:] for command in commands if command.startswith("evac ")]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_commands_are_those_of_the_parser(document, text):
+    for words in commands_of(text(document)):
+        parser().parse_args([word.replace("...", "") for word in words if word != "--help"])
 
 
 def words_of(screen):
@@ -161,6 +166,18 @@ def test_python_of_the_recipe_that_closes_a_stair_runs(text, tmp_path, monkeypat
     assert emptied.kind == "close"  # behind the last of those who were on it
 
 
+def test_python_of_the_guides_to_studies_and_the_start_runs(text, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    main(["new", "my_building"])
+    blocks = [*fenced(text("docs/start.md"), "python"), *fenced(text("docs/studies.md"), "python")]
+    *blocks, cluster = blocks
+    assert "SLURM" in cluster
+    for block in blocks:
+        exec(compile(block, "studies.md", "exec"), {})
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[-4:]] == ["0.8", "1.0", "1.2", "1.6"]
+
+
 def test_python_of_the_guide_to_results_runs(text, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (block,) = fenced(text("docs/results.md"), "python")
@@ -246,3 +263,17 @@ def test_the_document_of_results_names_every_key_and_column(text):
     assert re.findall(r"^\| `(\w+)`", table("summary"), re.MULTILINE) == list(summary)
     named = set(re.findall(r"`(\w+)`", text("docs/results.md") + filled(text("docs/summary.md"))))
     assert {*summary, *summary["contact"], *PEOPLE_COLUMNS, *EXPOSURE_COLUMNS, *EGRESS_COLUMNS} <= named
+
+
+def test_each_reader_has_a_way_of_at_most_eight_pages(text):
+    ways = re.findall(r"^\*\*[\w -]+\*\* .+?\n\n((?:\d\. .+\n)+)", text("docs/index.md"), re.MULTILINE)
+    assert len(ways) == 3
+    assert all(3 <= len(way.splitlines()) <= 8 and "notebooks/" in way for way in ways)
+
+
+def test_the_gallery_has_a_command_before_each_of_twelve_small_pictures(text, root):
+    page = text("docs/gallery.md")
+    pictures = re.findall(r"\]\((images/.+?)\)", page)
+    assert len(pictures) == 12
+    assert all((root / "docs" / picture).stat().st_size < 400_000 for picture in pictures)
+    assert re.fullmatch(r"(?s)# Pictures\n.+?(```bash\n.+?```\n\n(!\[.+?\]\(.+?\)\n)+.*?)+", page)
