@@ -303,8 +303,8 @@ def show_building(building: "Building", is_verbose: bool) -> None:
     show_facts({"building": building.source, "walls": f"{len(building.walls)} segments"})
 
     def row_of(level: "Level") -> tuple[object, ...]:
-        kind = "ramp" if level.is_ramp else "stair"
-        ratio = f"{kind} 1:{1.0 / math.tan(level.slope):.3g}" if level.slope else "level"
+        kind, why = ("ramp", "up to") if level.is_ramp else ("stair", "above")
+        ratio = f"{kind} 1:{1.0 / math.tan(level.slope):.3g}, {why} building.ramp" if level.slope else "level"
         area, slope = round(level.polygon.area, 2), round(math.degrees(level.slope), 1)
         walls = int((building.wall_level == level.index).sum())
         return level.name, level.kind, _span(level.z_min, level.z_max), area, slope, ratio, walls

@@ -49,6 +49,8 @@ from evac.building.surface.surfacemesh import Height, SurfaceMesh
 if TYPE_CHECKING:
     from evac.building.plan.plan import Plan
 
+#: The strips of ground on both sides of a door, if it stands between two rooms.
+Beside = tuple[Strip | None, ...] | None
 #: A surface: its tags, its polygon in plan and its height.
 Drawn = tuple[tuple[str, ...], BaseGeometry, Height]
 
@@ -179,12 +181,15 @@ class Drawing:
         opened: dict[int, list[BaseGeometry]] = {}  # ground of doors between rooms, which further doors may meet
         outer: dict[str, list[BaseGeometry]] = {}
         for row, door in enumerate(told("opening doors", self.plan.doors, len(self.plan.doors))):
-            around, rooms, earlier = near[row]
+            around, rooms, earlier, beside = near[row]
             ground = [part for other in earlier for part in opened[other] if part.intersects(around)]
             known, opened[row] = len(self.findings), []
             with self._noting("doors", door):
                 try:
-                    made, is_inner = self._open_door(door, united([rooms, *ground]) if ground else rooms)
+                    if ground:
+                        made, is_inner = self._open_door(door, united([rooms, *ground]))
+                    else:
+                        made, is_inner = self._open_door(door, rooms, beside)
                 except ValueError:  # its message also says what is farther away
                     if self._lacks_wall(door):
                         continue
@@ -216,29 +221,39 @@ class Drawing:
         self.errors.append(Finding("error", text, door.storey, place_of(ends), f"storeys.{name}", "wall = 0.1"))
         return True
 
-    def _near_doors(self, storey: str, rows: list[int]) -> dict[int, tuple[BaseGeometry, BaseGeometry, list[int]]]:
-        """Return, for each of some doors of a storey, what is near it: the place, the rooms, and doors before it."""
+    def _near_doors(
+        self, storey: str, rows: list[int]
+    ) -> dict[int, tuple[BaseGeometry, BaseGeometry, list[int], Beside]]:
+        """Return what is near each of some doors of a storey: the place, the rooms, and doors before it.
+
+        The last are the strips of ground between the door and these rooms, if it stands between two of them.
+        """
         doors = [self.plan.doors[row] for row in rows]
-        ends = np.array([door.segment for door in doors])
-        beyond = np.array([door.reach for door in doors]) + np.hypot(*(ends[:, 1] - ends[:, 0]).T) + SNAP
+        ends, reach = np.array([door.segment for door in doors]), np.array([door.reach for door in doors])
+        beyond = reach + np.hypot(*(ends[:, 1] - ends[:, 0]).T) + SNAP
         around = shapely.box(*(ends.min(axis=1) - beyond[:, None]).T, *(ends.max(axis=1) + beyond[:, None]).T)
         parts = shapely.get_parts(self.floors[storey])
         found = (shapely.STRtree(others).query(around, "intersects") for others in (parts, around))
         starts = np.arange(1, len(rows))
         near, before = ([np.sort(own) for own in np.split(at, np.searchsorted(one, starts))] for one, at in found)
+        rooms = np.array([shapely.multipolygons(parts[own]) for own in near])
+        both = (np.array([1.0, -1.0])[:, None] * normal(ends)[:, None]).reshape(-1, 2)
+        found = strips(*(np.repeat(one, 2, axis=0) for one in (rooms, ends)), both, reach.repeat(2))
+        is_between = shapely.disjoint(rooms, shapely.linestrings(ends))
         return {
             row: (
                 around[k],
-                shapely.multipolygons(parts[near[k]]),
+                rooms[k],
                 [rows[other] for other in before[k].tolist() if other < k],
+                found[2 * k : 2 * k + 2] if is_between[k] and all(found[2 * k : 2 * k + 2]) else None,
             )
             for k, row in enumerate(rows)
         }
 
-    def _open_door(self, door: Item, floor: BaseGeometry) -> tuple[list[BaseGeometry], bool]:
+    def _open_door(self, door: Item, floor: BaseGeometry, beside: Beside = None) -> tuple[list[BaseGeometry], bool]:
         """Return the ground between a door and the rooms on both its sides, and whether there are such on both."""
         assert door.segment is not None
-        segment, change, found = doorway(floor, door.segment, door.reach)
+        segment, change, found = (door.segment, "", beside) if beside else doorway(floor, door.segment, door.reach)
         if change:
             remedy = "" if door.key else f"segment = {segment.tolist()}"
             text = f"door {door.name!r} {change}"

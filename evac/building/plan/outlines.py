@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry import shape
 from shapely.geometry.base import BaseGeometry
 
@@ -236,32 +237,38 @@ def strip(polygon: BaseGeometry, ends: FloatArray, way: FloatArray, reach: float
     return strips(polygon, ends, way[None], reach)[0]
 
 
-def strips(polygon: BaseGeometry, ends: FloatArray, ways: FloatArray, reach: float) -> tuple[Strip | None, ...]:
-    """Return the ground from a segment (2, 2) along unit vectors (n, 2) to a floor; None where there is none."""
-    far = ends + (reach + LEAST_LENGTH) * ways[:, None]
-    corridors = shapely.polygons(np.concatenate([np.broadcast_to(ends, far.shape), far[:, ::-1]], axis=1))
-    parts, owner = shapely.get_parts(shapely.difference(corridors, polygon, grid_size=GRID), return_index=True)
+def strips(
+    polygons: BaseGeometry | NDArray[np.object_], ends: FloatArray, ways: FloatArray, reach: float | FloatArray
+) -> tuple[Strip | None, ...]:
+    """Return the ground from a segment (2, 2) along unit vectors (n, 2) to a floor; None where there is none.
+
+    There may be a floor, a segment and a reach [m] for each of the vectors.
+    """
+    ends = np.broadcast_to(ends, (len(ways), 2, 2))
+    far = ends + (np.reshape(reach, (-1, 1)) + LEAST_LENGTH)[..., None] * ways[:, None]
+    corridors = shapely.polygons(np.concatenate([ends, far[:, ::-1]], axis=1))
+    parts, owner = shapely.get_parts(shapely.difference(corridors, polygons, grid_size=GRID), return_index=True)
     is_gap = (shapely.get_type_id(parts) == shapely.GeometryType.POLYGON) & (shapely.area(parts) > LEAST_AREA)
-    is_gap &= shapely.dwithin(parts, shapely.linestrings(ends), 2 * GRID)
+    is_gap &= shapely.dwithin(parts, shapely.linestrings(ends)[owner], 2 * GRID)
+    gaps = np.split(parts[is_gap], np.searchsorted(owner[is_gap], np.arange(1, len(ways))))
+    whole = np.array([own[0] if len(own) == 1 else shapely.union_all(own) for own in gaps])
     tops, found = shapely.linestrings(far), list[Strip | None]()
-    for row, (way, top) in enumerate(zip(ways, tops, strict=True)):
-        gaps = parts[is_gap & (owner == row)]
-        gap = gaps[0] if len(gaps) == 1 else shapely.union_all(gaps)
+    does_reach = shapely.dwithin(whole, tops, 2 * GRID)
+    for gap, start, way, top, reaches in zip(whole, ends[:, 0], ways, tops, does_reach, strict=True):
         if gap.is_empty:
             found.append(Strip(gap, 0.0))
-        elif shapely.dwithin(gap, top, 2 * GRID) and (
-            gap.intersection(top.buffer(2 * GRID)).area > 2 * GRID * BESIDE_JAMB
-        ):
+        elif reaches and gap.intersection(top.buffer(2 * GRID)).area > 2 * GRID * BESIDE_JAMB:
             found.append(None)
         else:
-            found.append(Strip(gap, float(((shapely.get_coordinates(gap) - ends[0]) @ way).max())))
+            found.append(Strip(gap, float(((shapely.get_coordinates(gap) - start) @ way).max())))
     return tuple(found)
 
 
 def normal(ends: FloatArray) -> FloatArray:
-    """Return the unit vector to the left of a segment."""
-    along_it = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
-    return np.array([-along_it[1], along_it[0]])
+    """Return the unit vector to the left of a segment (2, 2), or of each of some (n, 2, 2)."""
+    step = ends[..., 1, :] - ends[..., 0, :]
+    along_it = step / np.hypot(step[..., :1], step[..., 1:])
+    return np.stack([-along_it[..., 1], along_it[..., 0]], axis=-1)
 
 
 def nearest(polygon: BaseGeometry, ends: FloatArray, *, reach: float = 0.0, between: bool = False) -> str:
