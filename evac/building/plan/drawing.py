@@ -238,14 +238,14 @@ class Drawing:
         near, before = ([np.sort(own) for own in np.split(at, np.searchsorted(one, starts))] for one, at in found)
         rooms = np.array([shapely.multipolygons(parts[own]) for own in near])
         both = (np.array([1.0, -1.0])[:, None] * normal(ends)[:, None]).reshape(-1, 2)
-        found = strips(*(np.repeat(one, 2, axis=0) for one in (rooms, ends)), both, reach.repeat(2))
+        gaps = strips(rooms.repeat(2), ends.repeat(2, axis=0), both, reach.repeat(2))
         is_between = shapely.disjoint(rooms, shapely.linestrings(ends))
         return {
             row: (
                 around[k],
                 rooms[k],
                 [rows[other] for other in before[k].tolist() if other < k],
-                found[2 * k : 2 * k + 2] if is_between[k] and all(found[2 * k : 2 * k + 2]) else None,
+                gaps[2 * k : 2 * k + 2] if is_between[k] and all(gaps[2 * k : 2 * k + 2]) else None,
             )
             for k, row in enumerate(rows)
         }
