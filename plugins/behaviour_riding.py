@@ -1,6 +1,7 @@
 """Riding: people stand or walk on escalators and moving walkways, each on their side."""
 
 import numpy as np
+import shapely
 
 from evac.base.parameters import Parameter
 from evac.base.saved import Bounds
@@ -36,7 +37,7 @@ class Riding(Behaviour):
 
     def prepare(self, scene: BehaviourScene) -> None:
         """Draw who walks."""
-        self._scene, self._version = scene, -1
+        self._scene = scene
         share = np.full(len(scene.crowd.level), self.walking)
         for group in scene.groups:
             share[group.rows] = group.settings.get("walking", self.walking)
@@ -44,15 +45,13 @@ class Riding(Behaviour):
 
     def act(self, crowd: Crowd, time: float) -> None:
         """Stop those who stand, and lead all on moving ground to their sides."""
-        if self._version != self._scene.version:
-            self._version, self._along = self._scene.version, self._scene.building.ground_velocity
-        for level in np.flatnonzero(self._along.any(axis=1)).tolist():
+        for level, x, y in sorted(self._scene.building.moving):
             rows = np.flatnonzero(crowd.level == level)
             if not len(rows):
                 continue
-            along = self._along[level] / np.hypot(*self._along[level])
+            along = np.array([x, y]) / np.hypot(x, y)
             left = np.array([-along[1], along[0]])
-            across = np.asarray(self._scene.building.levels[level].polygon.exterior.coords) @ left
+            across = shapely.get_coordinates(self._scene.building.levels[level].polygon) @ left
             width, middle = np.ptp(across), 0.5 * (across.min() + across.max())
             stands = ~self._walks[rows]
             if width < ABREAST:

@@ -434,9 +434,10 @@ class Simulation(Saved):
         """
         with self.phases.enter("kernels"):
             self.engine.load(self.contact)
+        self.displacement_velocity.flags.writeable = True  # between ticks, it is not
         with self.population.writable():
             super().restore(state)
-        self.scene.keep_doorway_open()
+            self.scene.keep_doorway_open()
         settings, contact = self.case.simulation, self.contact
         if self.step % settings.steps_per_tick and self.step < settings.last_step:
             raise SavedError(f"step: {self.step} is not at the end of a tick")

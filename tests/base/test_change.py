@@ -11,6 +11,7 @@ LEGAL = {
     "no_entry": [None, False],
     "control": [False, {"every": 2.0}, {"most": 3, "delay": 0.0, "hold": 1.0}],
     "one_way": [False, "up", "leave"],
+    "move": [False, {"speed": 0.5}, {"speed": 0.5, "towards": "down"}],
     "slow": [0.5, 1.0],
     "bar": [None, False, True],
     "strategy": ["up", "leave", ("door", "back"), ()],
@@ -18,6 +19,7 @@ LEGAL = {
 }
 VALUES = [None, False, True, "up", ("door", "back"), (), ("door", 5), 0.0, 0.5, 1.0, 1.5, -0.5, [1]]
 VALUES += ["leave", {"every": 2.0}, {"most": 3, "delay": 0.0, "hold": 1.0}, {}, {"every": 0.0}, {"most": 1.5}]
+VALUES += [{"speed": 0.5}, {"speed": 0.5, "towards": "down"}, {"speed": -0.5}, {"towards": "down"}]
 
 
 @pytest.mark.parametrize("kind", LEGAL)

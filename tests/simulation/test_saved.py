@@ -57,7 +57,7 @@ def everything():
                     "helpers": {"areas": ["west"]},
                 },
                 **{"route_choice": {"exits": ["near", "far"], "every": 0.7}},
-                **{"rest": {}, "familiarity": {"main": ["near"]}, "teacher_following": {}},
+                **{"rest": {}, "riding": {}, "familiarity": {"main": ["near"]}, "teacher_following": {}},
             },
             "directions": {"spacing": 0.2, "quickest": {"period": 0.5}},
             "people": [
