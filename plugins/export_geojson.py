@@ -66,7 +66,7 @@ def _lines(building: Building, states: list[list[tuple[float, bool]]]) -> Iterab
         walls = building.walls[building.wall_level == level.index]
         if len(walls):
             yield _feature(_drawn(walls), "wall", f"walls of {level.name}", [level.name])
-    for link, own in zip(building.links, states, strict=True):
+    for link, own in zip(building.links[: len(building.links) - len(building.rides)], states, strict=False):
         levels = [building.levels[index].name for index in link.levels]
         yield _feature(_drawn(link.segments), link.kind, link.name, levels, width=link.width, **_state(own))
 

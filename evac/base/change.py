@@ -20,6 +20,10 @@ LEAST_SHARE = 0.01
 #: stair to those who would enter it, until those on it have left; and that closes it at once.
 BODIES, LEAVE, ALL = "bodies", "leave", "all"
 
+#: Kind of the changes of lifts, and what a car does: at one storey, or from one to another.
+LIFT = "lift"
+OPENS, CLOSES, LEAVES, ARRIVES = "opens at", "closes at", "leaves", "arrives from"
+
 #: How each value closes a link, for a person.
 CLOSED = {BODIES: "closed for bodies alone", LEAVE: "closed to those who would enter"}
 
@@ -76,6 +80,7 @@ REMEDIES = {
     "bar": "no value, or false to lift it",
     "strategy": "the name of a strategy, or a list of exits or of assembly areas",
     "alarm": "a share of the response times from 0 to 1, or no value",
+    LIFT: "what the car does, and one or two storeys; runs list such changes, and cases do not name them",
 }
 
 
@@ -99,6 +104,8 @@ def is_legal(kind: str, value: Any) -> bool:
             return value is None or isinstance(value, bool)
         case "strategy":
             return _is_text(value) or (isinstance(value, tuple) and all(map(_is_text, value)))
+        case "lift":
+            return isinstance(value, tuple) and len(value) == {OPENS: 2, CLOSES: 2, LEAVES: 3, ARRIVES: 3}.get(value[0])
         case "alarm":
             return value is None or (is_number and 0.0 <= value <= 1.0)
     return value is None
@@ -115,7 +122,7 @@ class Change:
     kind : str
         ``open``, ``close``, ``one_way`` or ``control`` for exits, portals, stairs and doors, ``move`` for stairs,
         ``no_entry``, ``slow`` or ``bar`` for areas, levels and stairs, ``strategy`` for groups, ``alarm`` for areas,
-        levels, groups or, with an empty name, everybody.
+        levels, groups or, with an empty name, everybody; ``lift`` for lifts, as a run lists them.
     what : str
         Name of what changes.
     values : mapping of str to number, str, bool, tuple of these, or the table of a control
@@ -169,6 +176,7 @@ class Change:
             "bar": "free" if ends else "barred",
             "strategy": f"to {', '.join(value) or 'any exit'}" if isinstance(value, tuple) else f"on the {value} way",
             "alarm": "alarmed",
+            LIFT: " for ".join([f"{value[0]} {value[1]}", *value[2:]]) if isinstance(value, tuple) and value else "",
         }.get(self.kind, self.kind)
         return f"{repr(self.what) if self.what else 'everybody'} {done}"
 

@@ -176,6 +176,13 @@ class PeopleSettings(Table):
         ge=0,
         le=10,
     )
+    lifts: Literal["", "weighed", "preferred"] | None = key(
+        "whether their routes lead by lift: `weighed`, where the expected wait and the ride take less time, "
+        "or `preferred`, with times on stairs ten times as long; empty: never. If not given, those of groups with "
+        "`steepest` do, as `weighed`, and others never",
+        "",
+        None,
+    )
     limit_stair_speeds: Switch = key("whether speeds on stairs are limited to the speed on the flat", "", True)
     exits: tuple[str, ...] = key(
         "names of the exits that the group uses; empty: any. People pushed through another exit are out as well",

@@ -370,6 +370,9 @@ def show_people(simulation: "Simulation") -> None:
     with np.errstate(divide="ignore", invalid="ignore"):
         # A length of 0 takes no time, even at speed 0.
         time = np.where(lengths > 0.0, lengths / crowd.speed, 0.0).sum(axis=1)
+    rides = np.array([bool(route.lifts) for route in simulation.fields.routes])[crowd.route] & np.isinf(time)
+    of_riders = crowd.level[rides], crowd.position[rides], crowd.route[rides], crowd.contact_radius[rides]
+    time[rides] = simulation.fields.travel_time_at(*of_riders)
     names = [level.title for level in simulation.building.levels]
     rows = []
     for group in in_order(population.groups):

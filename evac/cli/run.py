@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from evac.base.change import LIFT
 from evac.base.display import Display
 from evac.cli.inputs import (
     announce_plugin_file,
@@ -211,7 +212,8 @@ def show_answer(results: "Results", below: int = 1) -> None:
     The verdict, who is out and the times are in full; of the others, as many as have room, a line each.
     """
     answer, title = results.answer, results.title or Path(results.source).name
-    changes = f"Changes: {', '.join(map(str, results.changes))}" if results.changes else ""
+    told = [str(change) for change in results.changes if change.kind != LIFT]
+    changes = f"Changes: {', '.join(told)}" if told else ""
     warnings = f"{answer.warnings}; --verbose shows all" if answer.warnings else ""
     full = answer.verdict, answer.outcome, answer.times
     others = warnings, *answer.exits, answer.queue, *answer.remarks, changes, title, answer.movement

@@ -45,7 +45,7 @@ from evac.directions.raster.grids import (
 )
 from evac.directions.raster.masks import grown, nearest_marked
 from evac.directions.raster.strips import outward_directions
-from evac.directions.routes import QUICKEST, STRATEGIES, Route
+from evac.directions.routes import PREFERRED, QUICKEST, RELUCTANCE, STRATEGIES, Route
 
 #: The slowness factor is 1 + BEND at a wall and 1 at the clearance, so that paths pass posts at about one clearance.
 BEND = 8.0
@@ -110,7 +110,7 @@ def build_fields(
         routes=present,
         spacing=spacing,
         clearance=clearance,
-        rates=tuple(_rates(route.strategy, speeds, comfort) for route in routes),
+        rates=tuple(_rates(route, speeds, comfort) for route in routes),
         order=order,
         workers=workers,
         barred=barred,
@@ -281,9 +281,8 @@ def _fill(upper: _Solved, route: int, lower: _Solved, other: int) -> None:
 def _levels_leading(building: Building, route: Route, barred: frozenset[int], anywhere: bool) -> tuple[int, ...]:
     """Return the levels that a route leads out from; `anywhere` as for `build_fields`."""
     routes = (route, _to_any_exit(route)) if anywhere else (route,)
-    return tuple(
-        sorted(set().union(*(levels_reaching(building, ends_of_route(building, one), barred) for one in routes)))
-    )
+    ends = (ends_of_route(building, one) for one in routes)
+    return tuple(sorted(set().union(*(levels_reaching(building, own, barred, bool(route.lifts)) for own in ends))))
 
 
 def _to_any_exit(route: Route) -> Route:
@@ -450,12 +449,12 @@ def _solve(
     """Yield directions (nodes, 2) and travel times (nodes,) to the exits of each route on all grids, as marched."""
     building = grids.building
     marches = []
-    for rate, exits, barred in zip(solver.rates, ways, solver.barred, strict=True):
-        slowness = slowness_of(building, rate)
+    for route, rate, exits, barred in zip(solver.routes, solver.rates, ways, solver.barred, strict=True):
+        slowness, lifts = slowness_of(building, rate), bool(route.lifts)
         is_plain = not building.has_areas_to_heed
-        marches.append(March(Metric(slowness, avoided, is_plain), exits, barred))
+        marches.append(March(Metric(slowness, avoided, is_plain), exits, barred, lifts))
         if bent is not None:
-            marches.append(March(Metric(slowness, bent, is_plain=False), exits, barred))
+            marches.append(March(Metric(slowness, bent, is_plain=False), exits, barred, lifts))
     workers = number_of_workers(grids, len(marches), _memory_of_workers(grids.size, len(ways)), solver.workers)
     with closing(march_all(grids, marches, solver.order, workers)) as costs:
         for exits in told("computing directions", ways, len(ways)):
@@ -464,13 +463,13 @@ def _solve(
             yield _directions(grids, cost, [one for one in exits if isinstance(one, Exit)]), plain
 
 
-def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:
-    """Return the costs (3,) per metre along the slope in each use, for a strategy [s/m]."""
-    if strategy == "shortest":
-        return np.ones(3)
-    rates = 1.0 / np.array(speeds, dtype=np.float64)
-    if strategy == "comfortable":
+def _rates(route: Route, speeds: tuple[float, float, float], comfort: float) -> FloatArray:
+    """Return the costs (3,) per metre along the slope in each use, for a route [s/m]."""
+    rates = np.ones(3) if route.strategy == "shortest" else 1.0 / np.array(speeds, dtype=np.float64)
+    if route.strategy == "comfortable":
         rates[1:] *= comfort
+    if route.lifts == PREFERRED:
+        rates[1:] *= RELUCTANCE
     return rates
 
 

@@ -81,7 +81,7 @@ class RouteField(Saved):
                 starts[grids.around(end)[0]] = True
         starts &= joins
         self._solved = joins & ~starts
-        self.waves = self._make_waves(ways, slowness, joins, starts, base, float(hesitation))
+        self.waves = self._make_waves(ways, slowness, joins, starts, base, float(hesitation), bool(present.lifts))
         _start_at_exits(self.waves, grids, exits, starts)
         self.speed, self._wanted = np.ones(grids.size), np.ones(grids.size)
         self.stale: set[int] = set()
@@ -150,6 +150,7 @@ class RouteField(Saved):
         starts: BoolArray,
         time: FloatArray,
         hesitation: float,
+        lifts: bool,
     ) -> MarchState:
         """Return waves whose times are known at the nodes that join."""
         grids = self._grids
@@ -166,7 +167,7 @@ class RouteField(Saved):
             source=source,
             beside=ways.source,
             twin=twin,
-            **_jumps(grids, slowness),
+            **_jumps(grids, slowness, lifts),
             stride=ways.stride,
             uphill=ways.uphill,
             slowness=slowness,
@@ -439,10 +440,10 @@ def _strips_and_starts(
     return strips, starts
 
 
-def _jumps(grids: BuildingGrids, slowness: FloatArray) -> dict[str, NDArray[Any]]:
+def _jumps(grids: BuildingGrids, slowness: FloatArray, lifts: bool) -> dict[str, NDArray[Any]]:
     """Return the arrays of jumps of `MarchState`: from the node at the end of each to the nodes around its start."""
     rows = []
-    for jump, area, end in grids.jumps():
+    for jump, area, end in grids.jumps(lifts):
         nodes, away = grids.around(area)
         time = jump.time + away * slowness[area.level, FLAT]
         rows += [*zip([end] * len(nodes), nodes.tolist(), time.tolist(), strict=True)]

@@ -12,6 +12,10 @@ STRATEGIES: tuple[str, ...] = get_args(Strategy)
 #: The strategy whose travel times are solved again during a run, see `evac.directions.quickest`.
 QUICKEST: Strategy = "quickest"
 
+#: How routes use lifts: where they are quicker, or, with times on stairs so much longer, wherever there are some.
+WEIGHED, PREFERRED = "weighed", "preferred"
+RELUCTANCE = 10.0
+
 
 @dataclass(frozen=True)
 class Route:
@@ -27,12 +31,15 @@ class Route:
         Steepest stair or ramp that it uses, as rise over run; None bars none.
     refuge : str
         Name of the area in which it ends, instead of at an exit.
+    lifts : str
+        How it uses lifts: not at all if empty, `WEIGHED` where they are quicker than stairs, or `PREFERRED`.
     """
 
     exits: tuple[str, ...] = ()
     strategy: str = "fastest"
     steepest: float | None = None
     refuge: str = ""
+    lifts: str = ""
 
     @property
     def destination(self) -> str:
@@ -46,7 +53,8 @@ class Route:
     def __str__(self) -> str:
         """Return strategy and destination, such as ``"fastest to north|south"``."""
         gentle = "" if self.steepest is None else f" without slopes above {self.steepest:g}"
-        return f"{self.strategy} to {self.destination}{gentle}"
+        lifts = " by lift" if self.lifts == PREFERRED else " also by lift" if self.lifts else ""
+        return f"{self.strategy} to {self.destination}{gentle}{lifts}"
 
 
 def changed_route(route: Route, value: str | Sequence[str]) -> Route:

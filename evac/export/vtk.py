@@ -103,7 +103,7 @@ class _Raw:
 
 
 #: Values of the building's cell array ``kind``.
-KINDS = ("floor", "flight", "landing", "wall", "exit", "closed exit", "portal", "closed portal", "area")
+KINDS = ("floor", "flight", "landing", "wall", "exit", "closed exit", "portal", "closed portal", "area", "car")
 
 
 def export_vtk(trajectory: Trajectory, folder: Path) -> Path:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def route_of(people: "GroupSettings") -> Route:
     """Return the initial route of a group."""
-    return Route(people.exits, people.strategy, people.steepest)
+    return Route(people.exits, people.strategy, people.steepest, lifts=people.lifts or "")
 
 
 def routes_of(case: "Case") -> tuple[Route, ...]:

@@ -214,6 +214,10 @@ class Population(Saved):
         left: IntArray = row[is_exit]
         return left
 
+    def log(self, rows: IntArray, link: int, time: float) -> None:
+        """Add a link that people have passed without a crossing in plan, such as a ride, to the log."""
+        self._log.append((rows, np.full(len(rows), link, np.int32), np.full(len(rows), time)))
+
     saved = ("crowd", "_reserves")
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -231,7 +235,7 @@ class Population(Saved):
         if not np.array_equal(is_out, np.isfinite(crowd.exit_time)) or (crowd.exit_used[~is_out] >= 0).any():
             raise SavedError("crowd.level: is not -1 for exactly those who have an exit_time, as all with an exit_used")
         rows = taken(state, "crossing_row", np.int32, (None,), 0, len(is_out) - 1)
-        links = taken(state, "crossing_link", np.int32, rows.shape, 0, self._n_portals - 1)
+        links = taken(state, "crossing_link", np.int32, rows.shape, 0, len(self._building.links) - 1)
         self._log = [(rows, links, taken(state, "crossing_time", np.float64, rows.shape, 0.0))]
 
     def bounds(self) -> dict[str, Bounds]:

@@ -18,6 +18,7 @@ from evac.base.parameters import did_you_mean
 from evac.building.model.building import Area, Building, Level
 from evac.building.model.cells import Cells
 from evac.building.model.findings import Finding, item_of
+from evac.directions.routes import WEIGHED
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -67,7 +68,10 @@ def held_by(area: Area, density: float | None = None) -> float:
 
 
 def with_numbers(case: "Case", building: Building) -> "Case":
-    """Return the case with the number of people of each group that states a density or the use of rooms instead."""
+    """Return the case with the number of people of each group that states a density or the use of rooms instead.
+
+    Groups that do not use all stairs take lifts, unless they say otherwise.
+    """
     groups = []
     for people in case.people:
         number = people.number
@@ -78,7 +82,10 @@ def with_numbers(case: "Case", building: Building) -> "Case":
                 names = ", ".join(repr(area.name) for area, _ in rooms)
                 text = f"{case.source}: people.{people.name}.number: missing; {names} hold nobody by density or use"
                 raise ScenarioError(f"{text} (of {', '.join(load_table())}); give number or density")
-        groups.append(people if number == people.number else people.model_copy(update={"number": number}))
+        own: dict[str, int | str | None] = {} if number == people.number else {"number": number}
+        if building.lifts and people.lifts is None and people.steepest is not None:
+            own |= {"lifts": WEIGHED}
+        groups.append(people.model_copy(update=own) if own else people)
     return case.model_copy(update={"people": tuple(groups)})
 
 

@@ -71,7 +71,7 @@ def check_ways(
     if fields.clearance < fields.packed.spacing:
         return ()
     findings: list[Finding] = []
-    for route in (index for index, one in enumerate(fields.routes) if not one.refuge):
+    for route in (index for index, one in enumerate(fields.routes) if not (one.refuge or one.lifts)):
         ends = _check_walks(source, building, fields, world, crowd, groups, route)
         stopped = (ends[:, 2] >= 0.0) & (crowd.route == route)
         for group in groups:

@@ -29,9 +29,10 @@ def make_world(building: Building, fields: Fields) -> World:
     doors = np.concatenate([np.zeros((0, 4)), *(door.segments for door in building.doors)])
     door_level = np.array([door.level for door in building.doors], dtype=np.int32)
     walls = np.concatenate([building.walls.reshape(-1, 4), doors, segment])
-    link_open = np.ones(len(building.links), np.uint8)
+    links = building.n_links + len(building.doors)  # without rides, which nobody crosses in plan
+    link_open = np.ones(links, np.uint8)
     link_open[list(building.shut)], link_open[[*building.controlled, *building.directed]] = 0, 2
-    link_from = np.full(len(building.links), -1, np.int32)
+    link_from = np.full(links, -1, np.int32)
     for number, origin in building.directed.items():
         if len(building.links[number].levels) == 2 and number not in building.controlled:
             link_from[number] = origin

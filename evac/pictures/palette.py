@@ -19,7 +19,7 @@ NO_GROUP = "#6b7280"
 #: Colour of people of whom a logarithmic scale has no value, because there is less than its lower end.
 NOTHING = "#a9b2bd"
 
-LEVELS = {"floor": "#e7ebf0", "flight": "#f3cf95", "landing": "#f7e2bf"}
+LEVELS = {"floor": "#e7ebf0", "flight": "#f3cf95", "landing": "#f7e2bf", "car": "#d3dcf2"}
 WALL, EDGE, TEXT, FURNITURE = "#c3cad3", "#6b7785", "#1f2933", "#d9bf9b"
 EXIT, CLOSED, PORTAL = "#0b7a3c", "#b3261e", "#6b7785"
 

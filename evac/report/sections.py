@@ -14,7 +14,7 @@ import shapely
 from evac.analysis.congestion import DENSITY, SHARE, Exceedance
 from evac.analysis.hydraulic import LABORATORY, DesignFlow, design_flows, hydraulic_time
 from evac.analysis.maps import KERNEL_RADIUS, level_maps
-from evac.base.change import Change
+from evac.base.change import LIFT, Change
 from evac.base.distributions import as_text
 from evac.base.errors import counted, in_order
 from evac.base.toml import case_text
@@ -69,7 +69,7 @@ def plan_section(building: Building | None, changes: Sequence[Change], case: Bui
             for place in building.places
         ],
         closed=case.closed,
-        changes=[(fixed(change.time, 1), change.words) for change in changes],
+        changes=[(fixed(change.time, 1), change.words) for change in changes if change.kind != LIFT],
         lacks=() if building.doors else ("doors",),
     )
 

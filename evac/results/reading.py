@@ -1,6 +1,6 @@
 """Reading of the results of a run from its folder: `evac.read_results`."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -156,7 +156,7 @@ def _with_people(results: Results, place: Path, derived: Any) -> Results:
         ),
         start_position=table.pairs("start_x", "start_y"),
         start_level=start_level,
-        crossings=_crossings(place / CROSSINGS_NAME, derived.people, _told(results.portal_titles)),
+        crossings=_crossings(place / CROSSINGS_NAME, derived.people, results.crossed_titles),
         stuck=tuple(row["person"] for row in derived.stuck),
         exposure={name: table.numbers(name, 0.0, optional=name == "stopped_at") for name in more},
         margins={name: table.numbers(name, optional=True) for name in margins},
@@ -252,10 +252,13 @@ def _told(titles: Sequence[tuple[str, int | None]]) -> list[tuple[str, str]]:
     return [(name, "" if piece is None else str(piece)) for name, piece in titles]
 
 
-def _crossings(path: Path, people: int, portals: Sequence[tuple[str, str]]) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return persons, portals and times of crossings; none of a building without portals."""
-    if not portals:
+def _crossings(
+    path: Path, people: int, links: Mapping[int, tuple[str, int | None]]
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return persons, links and times of crossings; none of a building without portals."""
+    if not links:
         return np.empty(0, np.int32), np.empty(0, np.int32), np.empty(0)
     table = _Table(path, CROSSINGS_COLUMNS)
     person = table.numbers("person", 0.0, people - 1.0)
-    return person.astype(np.int32), table.indices("portal", portals, piece="piece"), table.numbers("time", 0.0)
+    link = np.array([*links], np.int32)[table.indices("portal", _told([*links.values()]), piece="piece")]
+    return person.astype(np.int32), link, table.numbers("time", 0.0)

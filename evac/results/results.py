@@ -5,6 +5,7 @@ import platform
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
@@ -20,7 +21,7 @@ from evac.analysis.queues import Queue, find_queues
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
 from evac.base.errors import ResultError, usable_path
-from evac.building.model.building import Building
+from evac.building.model.building import Building, ride_name
 from evac.contract.hooks import DEFAULT_MOVEMENT
 from evac.directions.routes import Route
 from evac.folder.files import (
@@ -135,6 +136,21 @@ class DoorRow(TypedDict):
     width: Amount
 
 
+class LiftUse(TypedDict):
+    """What a lift has carried: `trips` with people, the mean share of its `capacity` that they took, the `people`, and
+    their waits before its doors [s].
+    """
+
+    name: str
+    storeys: Sequence[str]
+    capacity: Count
+    trips: Count
+    people: Count
+    mean_load: Amount | None
+    mean_wait: Amount | None
+    longest_wait: Amount | None
+
+
 class StuckPlace(TypedDict):
     """Where a person is who no longer makes progress [m]."""
 
@@ -231,9 +247,13 @@ class Results:
     and when each floor on which they started was `clear` of everybody [s] (null: it did not happen)."""
     doors: Sequence[DoorRow] = ()
     """Name, level and clear width [m] of each door between rooms that the building file names, as plans do."""
+    lifts: Sequence[LiftUse] = ()
+    """For each lift: the names of its `storeys` from bottom to top and its `capacity`; the `trips` with people, the
+    `people` carried, the mean share of the capacity in these trips (`mean_load`), and the `mean_wait` and
+    `longest_wait` before its doors [s] (null: it has carried nobody)."""
     routes: Annotated[Sequence[Route], Field(min_length=1)]
     """For each route: `exits` (none: any exit), `strategy`, `steepest` (steepest stair or ramp that it uses, rise over
-    run; null: any) and `refuge` (the area in which it ends instead of at an exit)."""
+    run; null: any), `refuge` (the area in which it ends instead of at an exit) and `lifts` (how it uses lifts)."""
     report: Annotated[Mapping[str, Any], Field(alias="contact")] = field(default_factory=dict)
     """The report of the contact model, see below."""
     phases: Annotated[Mapping[str, Amount], Field(alias="wall_time")] = field(default_factory=dict)
@@ -586,6 +606,13 @@ class Results:
         """Name of each portal by its index; of those within a stair the name of the stair, and their number in it."""
         return _by_index(self.portals, {name: stair["portals"] for name, stair in self.stairs.items()})
 
+    @cached_property
+    def crossed_titles(self) -> dict[int, tuple[str, int | None]]:
+        """`portal_titles`, and those of the rides of lifts between neighbouring stops, by their numbers as links."""
+        first = len(self.portal_titles) + len(self.exits) + len(self.doors)
+        rides = [(ride_name(one["name"], *pair), None) for one in self.lifts for pair in pairwise(one["storeys"])]
+        return dict(enumerate(self.portal_titles)) | dict(enumerate(rides, first))
+
     def titles_at(self, rows: Iterable[int]) -> list[str]:
         """Return the name of the floor or stair on which each of some people is at the end."""
         return [self.titles[level][0] for level in self.crowd.level[list(rows)].tolist()]
@@ -652,9 +679,9 @@ class Results:
         write_csv(folder / EGRESS_NAME, EGRESS_COLUMNS, egress)
         write_csv(folder / PEOPLE_NAME, self.people_columns, zip(*self._people_columns(), strict=True))
         write_csv(folder / FLOWS_NAME, FLOWS_COLUMNS, flows)
-        if titles := self.portal_titles:
+        if titles := self.crossed_titles:
             columns = zip(*(column.tolist() for column in self.crossings), strict=True)
-            rows = ((person, *titles[portal], time) for person, portal, time in columns)
+            rows = ((person, *titles[link], time) for person, link, time in columns)
             write_csv(folder / CROSSINGS_NAME, CROSSINGS_COLUMNS, rows)
 
     def write_summary(self, folder: Path) -> None:

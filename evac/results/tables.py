@@ -11,6 +11,7 @@ from evac.analysis.congestion import DENSITY
 from evac.analysis.lines import ExitUse, FlowUse
 from evac.analysis.occupancy import Occupancy
 from evac.base.arrays import FloatArray
+from evac.base.change import LIFT
 from evac.base.errors import in_order
 from evac.results.answer import time_of_share
 
@@ -158,7 +159,7 @@ def _outcomes(run: "Results") -> Iterator[tuple[str, float | None]]:
         yield "greatest extinction coefficient at a head [1/m]", run.conditions["greatest_extinction"]
     if run.conditions is not None and run.conditions["dose"]:
         yield "greatest dose", float(np.max(doses, initial=0.0))
-    for change in run.changes:
+    for change in (change for change in run.changes if change.kind != LIFT):
         yield f"{change.words}, at [s]", change.time
     for compartment in (run.safety or {}).get("compartments", ()):
         yield f"least margin of a person in {compartment['name']!r} [s]", compartment["least_margin"]

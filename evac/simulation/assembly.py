@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from evac.people.behaviour import Behaviour
     from evac.physics.contact.model import ContactModel
     from evac.physics.force import Force
+    from evac.simulation.lifts import Lifts
     from evac.simulation.simulation import Simulation
     from evac.trajectory.recorder import Recorder
 
@@ -182,6 +183,15 @@ def make_exposure(case: "Case", scene: Scene, people: Population) -> "Exposure |
     from evac.conditions.exposure import Exposure
 
     return Exposure(case, scene, people.crowd, people.groups)
+
+
+def make_lifts(scene: Scene) -> "Lifts | None":
+    """Return the cars of the lifts of a scene; nothing is imported for a building without lifts."""
+    if not scene.building.lifts:
+        return None
+    from evac.simulation.lifts import Lifts
+
+    return Lifts(scene)
 
 
 def make_safety(case: "Case", building: "Building", people: Population, exposure: "Exposure | None") -> "Safety | None":

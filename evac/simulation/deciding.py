@@ -41,7 +41,7 @@ class Deciding(Saved):
                 if self._is_full or behaviour.is_needed(view):
                     self.used.append((behaviour, view))
         self.acts: dict[str, bool] = {}
-        self.reads_forces = any("contact_force" in behaviour.reads for behaviour, _ in self.used)
+        self.reads_forces: bool = any("contact_force" in behaviour.reads for behaviour, _ in self.used)
         self.version = self._scene.version
         self.held = np.zeros(len(self._crowd.level), np.bool_)
 
@@ -71,8 +71,9 @@ class Deciding(Saved):
         changed, self.version = self._scene.version != self.version, self._scene.version
         if changed:
             self._places.assign(self._scene.fields)
-        # The scene and smoke multiply the speed factors.
-        again = changed or bool(self._scene.building.slowed) or self._share is not None
+        # The scene, lifts and smoke multiply the speed factors.
+        building = self._scene.building
+        again = changed or bool(building.slowed or building.lifts) or self._share is not None
         acting = [
             (behaviour, scene)
             for behaviour, scene in self.used

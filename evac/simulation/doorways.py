@@ -71,7 +71,7 @@ class Controls(Saved):
                 room = min(room, 1 - admitted)
             is_open = time >= self._opens[link] - ROUNDING
             new = before[self._admitted[before] < 0][: max(room, 0) if is_open else 0]
-            off = _nearest_points(way.segments, crowd.position[new])[1]
+            off = nearest_points(way.segments, crowd.position[new])[1]
             new = new[_free_paths(crowd, new, self._next[link] - time) <= off]
             self._admitted[new], self._side[new] = link, _sides_at(way, crowd, new)
             rows = np.flatnonzero((self._admitted == link) & (crowd.passing < 0))
@@ -104,7 +104,7 @@ class Controls(Saved):
         way = building.links[link]
         rows = np.flatnonzero(np.isin(crowd.level, way.levels) & (crowd.start_time <= time))
         rows = rows[np.isin(crowd.passing[rows], (-1, link)) & np.isin(self._admitted[rows], (-1, link))]
-        nearest, distance, outward = _nearest_points(way.segments, crowd.position[rows])
+        nearest, distance, outward = nearest_points(way.segments, crowd.position[rows])
         gap = distance - extent(crowd, rows, *outward.T)
         near = np.flatnonzero(gap < REACH)
         rows, nearest, gap = rows[near], nearest[near], gap[near]
@@ -116,7 +116,7 @@ class Controls(Saved):
         if link in building.directed:
             origin = building.directed[link]
             goes &= (_sides_at(way, crowd, rows) if isinstance(way, Door) else crowd.level[rows]) == origin
-        _, room, _ = _nearest_points(way.segments, crowd.position[rows], crowd.contact_radius[rows])
+        _, room, _ = nearest_points(way.segments, crowd.position[rows], crowd.contact_radius[rows])
         order = np.argsort(room, kind="stable")  # by the way to where there is room for the body
         return rows[order][goes[order]], rows[gap < 0.0]
 
@@ -138,7 +138,7 @@ def _sides_at(way: Link, crowd: Crowd, rows: NDArray[np.intp]) -> IntArray:
     """Return on which side of a link people are: 0 for its first level, 1 behind it, -1 elsewhere."""
     level = crowd.level[rows]
     if isinstance(way, Door):
-        nearest, _, outward = _nearest_points(way.segments, crowd.position[rows])
+        nearest, _, outward = nearest_points(way.segments, crowd.position[rows])
         there, behind = level == way.level, _side_of(crowd.position[rows], nearest, outward) == 1
     elif isinstance(way, Exit):
         there, behind = (level == way.level) | (crowd.exit_used[rows] == way.index), level < 0
@@ -155,9 +155,11 @@ def begin_to_leave(building: Building, fields: Fields, crowd: Crowd, links: Iter
         is_free = ~crowd.ahead.any(axis=1)
         if link in building.controlled:  # it has been open for some people only
             is_free &= crowd.passing == link
+        elif link in building.lift_doors:  # for those who were not let in it has been closed already
+            is_free &= (crowd.passing == link) | (crowd.level == building.lift_doors[link])
         _release(crowd, link)
         there = np.flatnonzero(np.isin(crowd.level, levels) & is_free)
-        nearest, distance, outward = _nearest_points(segments, crowd.position[there])
+        nearest, distance, outward = nearest_points(segments, crowd.position[there])
         is_on = distance < extent(crowd, there, *outward.T)
         rows, nearest, outward = there[is_on].astype(np.int32), nearest[is_on], outward[is_on]
         here, on_line = (
@@ -181,7 +183,7 @@ def turn_round(building: Building, crowd: Crowd, links: Mapping[int, int]) -> No
         levels, segments = building.links[link].levels, building.links[link].segments
         _release(crowd, link)
         rows = np.flatnonzero(np.isin(crowd.level, levels) & ~crowd.ahead.any(axis=1)).astype(np.int32)
-        nearest, distance, outward = _nearest_points(segments, crowd.position[rows])
+        nearest, distance, outward = nearest_points(segments, crowd.position[rows])
         is_door = len(levels) == 1
         where = _side_of(crowd.position[rows], nearest, outward) if is_door else crowd.level[rows]
         is_on = (distance < extent(crowd, rows, *outward.T)) & (where != origin)
@@ -196,7 +198,7 @@ def let_pass(building: Building, crowd: Crowd) -> None:
         if len(building.links[link].levels) == 1 and link not in building.controlled:
             levels, segments = building.links[link].levels, building.links[link].segments
             rows = np.flatnonzero((crowd.level == levels[0]) & (crowd.passing < 0)).astype(np.int32)
-            nearest, distance, outward = _nearest_points(segments, crowd.position[rows])
+            nearest, distance, outward = nearest_points(segments, crowd.position[rows])
             is_before = _side_of(crowd.position[rows], nearest, outward) == side
             crowd.passing[rows[is_before & (distance < extent(crowd, rows, *outward.T) + REACH)]] = link
 
@@ -207,7 +209,7 @@ def clear_doorways(building: Building, crowd: Crowd) -> set[int]:
     for link in np.unique(crowd.passing[crowd.passing >= 0]).tolist():
         segments = building.links[link].segments
         rows = np.flatnonzero(crowd.passing == link).astype(np.int32)
-        nearest, distance, outward = _nearest_points(segments, crowd.position[rows])
+        nearest, distance, outward = nearest_points(segments, crowd.position[rows])
         is_before = np.einsum("ij,ij->i", crowd.ahead[rows], nearest - crowd.position[rows]) > 0.0
         goes_on = (crowd.level[rows] >= 0) & (is_before | (distance < extent(crowd, rows, *outward.T)))
         crowd.passing[rows[~goes_on]], crowd.ahead[rows[~goes_on]] = -1, 0.0
@@ -231,14 +233,14 @@ def _side_of(position: FloatArray, nearest: FloatArray, outward: FloatArray) -> 
 def _aim(crowd: Crowd, rows: IntArray, segments: FloatArray) -> None:
     """Turn people on a line towards a place behind it, on the side to which they are going."""
     position, radius = crowd.position[rows], crowd.contact_radius[rows]
-    _, _, outward = _nearest_points(segments, position)
+    _, _, outward = nearest_points(segments, position)
     sense = np.where(np.einsum("ij,ij->i", crowd.ahead[rows], outward) < 0.0, -1.0, 1.0)
-    free, _, _ = _nearest_points(segments, position, radius)
+    free, _, _ = nearest_points(segments, position, radius)
     towards = free + (2.0 * radius * sense)[:, None] * outward - position
     crowd.ahead[rows] = towards / np.hypot(*towards.T)[:, None]
 
 
-def _nearest_points(
+def nearest_points(
     segments: FloatArray, points: FloatArray, off_ends: FloatArray | float = 0.0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the nearest point of a line to each of (n, 2), its distance, and the unit normal out of the first level.

@@ -87,6 +87,8 @@ class Loop:
         simulation = self._simulation
         simulation.timetable.act()
         simulation.scene.apply_waiting()
+        if simulation.lifts is not None:
+            simulation.lifts.act()
         if simulation.population.sources:
             simulation.let_in()
 
@@ -108,6 +110,8 @@ class Loop:
         if has_changed := simulation.deciding.version != simulation.scene.version:
             simulation.ending.begin_anew()
         simulation.deciding.act(simulation.time)
+        if simulation.lifts is not None:
+            simulation.lifts.steer()
         if has_changed or not simulation.step:
             simulation.scene.note_cut_off()
         if rows := simulation.scene.take_new_ways():
@@ -189,6 +193,7 @@ class Loop:
         """Return whether the scene or the air is going to change, so that a crowd that is blocked may get out."""
         scene, exposure, time = self._simulation.scene, self._simulation.exposure, self._simulation.time
         is_ahead = bool(scene.changes_before(self._settings.duration)) or scene.controls.is_waiting(time)
+        is_ahead |= self._simulation.lifts is not None and self._simulation.lifts.is_busy
         return is_ahead or (exposure is not None and exposure.air.changes_after(time))
 
     def _show(self) -> None:

@@ -120,7 +120,7 @@ def solve_fields(
     settings = field_settings(case, behaviours, full)
     settings["routes"] = tuple(dict.fromkeys((*settings["routes"], *routes)))
     _check_names(case, building, settings["routes"])
-    return build_fields(building, **settings, workers=workers, anywhere=anywhere)
+    return build_fields(building.for_ways, **settings, workers=workers, anywhere=anywhere)
 
 
 def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:

@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from evac.base.arrays import IntArray
-from evac.base.change import ALL, Change
+from evac.base.change import ALL, LIFT, Change
 from evac.base.errors import BuildingError, ScenarioError, counted, some_of
 from evac.base.saved import Bounds, Saved, SavedError
 from evac.building.model.building import Building
@@ -114,6 +114,7 @@ class Scene(Saved):
         self.fields = self._own_fields(shared_scene.fields)
         self.time = 0.0
         self.changes: list[Change] = []
+        self._of_lifts = 0
         self.shared_scene = shared_scene
         self.ways_version = 0
         self._has_begun = self._has_ended = False
@@ -152,11 +153,12 @@ class Scene(Saved):
 
     @property
     def version(self) -> int:
-        """Number of changes so far. Code that caches data about the scene must compare versions at each tick.
+        """Number of changes so far, except those of lifts.
 
+        Code that caches data about the scene must compare versions at each tick.
         `ways_version` is the number of those that changed the ways: what follows from fields alone compares it.
         """
-        return len(self.changes)
+        return len(self.changes) - self._of_lifts
 
     @cached_property
     def world(self) -> World:
@@ -190,6 +192,7 @@ class Scene(Saved):
             made = KINDS[change.kind].act(self, change)
         if made is not None:
             given = {name: value for name, value in change.values.items() if name != "let_through"}
+            self._of_lifts += change.kind == LIFT
             self.changes.append(replace(change, time=self.time, values={**given, **made}))
 
     def people_in(self, where: str | shapely.Geometry | Sequence[Sequence[float]], level: str = "") -> IntArray:
@@ -343,6 +346,7 @@ class Scene(Saved):
             self.changes, self._waiting = (
                 [Change.from_row(row) for row in rows] for rows in json.loads(text.tobytes())
             )
+            self._of_lifts = sum(change.kind == LIFT for change in self.changes)
             self._in_barred = {change.what: self._nobody() for change in self.changes if change.kind == "bar"}
             self.set_building(building_at(self.shared_scene.building, self.changes, np.inf))
         except (ValueError, TypeError, BuildingError) as error:

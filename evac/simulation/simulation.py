@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from evac.base.arguments import PATH, check_types
 from evac.base.arrays import FloatArray
+from evac.base.change import LIFT
 from evac.base.errors import EvacError, PluginError, naming, noting, plugin_code
 from evac.base.phases import Phases, Progress
 from evac.base.saved import Bounds, Saved, SavedError, part_of, state_of
@@ -89,6 +90,8 @@ class Simulation(Saved):
         The behaviours in use, each with the scene that it can access.
     places : Places
         The people who go to refuges and assembly areas, and those who have arrived.
+    lifts : Lifts or None
+        The cars of the lifts of the building.
     exposure : Exposure or None
         The doses that people take, and the speed that smoke leaves them, if the case has conditions of the air.
     safety : Safety or None
@@ -118,7 +121,7 @@ class Simulation(Saved):
 
     saved = (
         *("step", "start_position", "start_level", "displacement_velocity", "timetable", "scene", "population"),
-        *("places", "outside", "exposure", "safety", "deciding", "watch", "ending", "engine"),
+        *("places", "lifts", "outside", "exposure", "safety", "deciding", "watch", "ending", "engine"),
     )
 
     def __init__(
@@ -185,6 +188,7 @@ class Simulation(Saved):
             self.scene = Scene(shared_scene, self.population, self.places, everywhere, case.directions.quickest, keeps)
             with naming(case.source):
                 self.timetable = Timetable(case.events, self.scene)
+            self.lifts = assembly.make_lifts(self.scene)
             self.exposure = assembly.make_exposure(case, self.scene, self.population)
             self.safety = assembly.make_safety(case, building, self.population, self.exposure)
             self.outside = PeopleOutside(building, crowd) if keeps else None
@@ -250,7 +254,8 @@ class Simulation(Saved):
             enough, unusual properties of people, people who start only after the end of the run, several behaviours
             that keep distances, people who stood in a closing doorway, and, before the run, people without a way.
         """
-        shut = [doorway_warning(change) for change in self.scene.changes if change.values.get("let_through")]
+        changes = [change for change in self.scene.changes if change.kind != LIFT]
+        shut = [doorway_warning(change) for change in changes if change.values.get("let_through")]
         return (*warnings_of(self.findings), *shut, *(() if self.step else self._shut_in()))
 
     def _shut_in(self) -> tuple[str, ...]:
@@ -378,6 +383,7 @@ class Simulation(Saved):
             waiting_outside=sum(len(one.waiting(self.population.crowd, self.time)) for one in self.population.sources),
             resumed=self.resumed,
             quickest=None if self.scene.quickest is None else self.scene.quickest.report(),
+            lifts=() if self.lifts is None else self.lifts.use(),
             **({} if self.exposure is None else self.exposure.results(self.time)),
             **({} if self.safety is None else self.safety.results(self.population.crossings)),
         )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from evac.base.arrays import IntArray
-from evac.base.change import LEAVE, REMEDIES, Change, is_legal
+from evac.base.change import ARRIVES, CLOSES, LEAVE, LIFT, OPENS, REMEDIES, Change, is_legal
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.base.saved import Bounds, Saved
@@ -16,6 +16,7 @@ from evac.building.model.links import changed
 from evac.directions.routes import Route, changed_route
 
 if TYPE_CHECKING:
+    from evac.building.model.lifts import Lift
     from evac.case.schema import EventSettings, WhenSettings
     from evac.people.places import Places
     from evac.simulation.scene import Scene
@@ -116,6 +117,35 @@ def _find_people(scene: "Scene", change: Change) -> None:
     scene.people.rows_in(scene.building, change.what)
 
 
+def _check_lift(scene: "Scene", change: Change) -> None:
+    _, *storeys = change.values["value"]
+    lift = _lift_of(scene, change)
+    for storey in storeys:
+        if storey not in lift.storeys:
+            hint = did_you_mean(storey, list(lift.storeys))
+            raise ScenarioError(f"change of {change.what!r}: it does not stop at {storey!r}; {hint}")
+
+
+def _lift_of(scene: "Scene", change: Change) -> "Lift":
+    lifts = {lift.name: lift for lift in scene.building.lifts}
+    if change.what not in lifts:
+        raise ScenarioError(f"change of {change.what!r}: there is no such lift; {did_you_mean(change.what, [*lifts])}")
+    return lifts[change.what]
+
+
+def _change_lift(scene: "Scene", change: Change) -> Mapping[str, Any] | None:
+    """Open or close the doors of a car, or let it leave, or let its people arrive."""
+    what, *storeys = change.values["value"]
+    if what in (OPENS, CLOSES):
+        return _change_building(scene, change)
+    if what == ARRIVES:
+        from evac.simulation.lifts import carry
+
+        lift = _lift_of(scene, change)
+        carry(scene, lift, *map(lift.storeys.index, storeys))
+    return {}
+
+
 _BUILDING = Kind(_check_building, _change_building)
 
 #: All kinds of change.
@@ -123,6 +153,7 @@ KINDS = {
     **dict.fromkeys(("open", "close", "no_entry", "control", "one_way", "move", "slow", "bar"), _BUILDING),
     "strategy": Kind(_check_strategy, _change_strategy),
     "alarm": Kind(_find_people, lambda scene, change: {}),  # on which behaviours act
+    LIFT: Kind(_check_lift, _change_lift),
 }
 
 

@@ -13,6 +13,7 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Control
 from evac.building.model.building import Area, Building, Door, Exit, Level, Place, Portal
 from evac.building.model.findings import as_findings
+from evac.building.options import LiftOptions
 
 FORMAT = 4
 
@@ -62,6 +63,7 @@ def building_to_json(building: Building) -> dict[str, Any]:
         "closed": sorted(building.closed),
         "north": building.north,
         "moving": sorted(building.moving),
+        **({"lifts": [_part_to_json(lift) for lift in building.lifts]} if building.lifts else {}),
         "controls": [[link, control.model_dump(exclude_none=True)] for link, control in building.controlled.items()],
     }
 
@@ -73,6 +75,7 @@ def _part_to_json(part: Any) -> dict[str, Any]:
         value = getattr(part, key)
         is_shape = isinstance(value, BaseGeometry)
         row[key] = mapping(value) if is_shape else value.tolist() if isinstance(value, np.ndarray) else value
+        row[key] = value.model_dump() if isinstance(value, LiftOptions) else row[key]
     return row
 
 
@@ -86,7 +89,7 @@ def building_from_json(data: Mapping[str, Any]) -> Building:
         ]
         is_numbered = any(field.name == "index" for field in fields(kind))
         parts[key] = tuple(kind(**{"index": k} if is_numbered else {}, **row) for k, row in enumerate(rows))
-    return Building(
+    building = Building(
         source=Path(data["source"]),
         vertices=_floats(data["vertices"]),
         walls=_floats(data["walls"]).reshape(-1, 4),
@@ -99,3 +102,16 @@ def building_from_json(data: Mapping[str, Any]) -> Building:
         controls=frozenset((link, Control.model_validate(control)) for link, control in data.get("controls", ())),
         **parts,
     )
+    return _with_lifts(building, data["lifts"]) if "lifts" in data else building
+
+
+def _with_lifts(building: Building, rows: list[dict[str, Any]]) -> Building:
+    """Return a building with the lifts of `building_to_json`."""
+    from evac.building.model.lifts import Lift, with_lifts
+
+    lifts = []
+    for row in rows:
+        own: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in row.items()}
+        own |= {"doors": tuple(map(tuple, row["doors"])), "operation": LiftOptions.model_validate(row["operation"])}
+        lifts.append(Lift(**own))
+    return with_lifts(building, tuple(lifts))

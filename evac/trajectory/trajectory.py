@@ -259,7 +259,7 @@ class Trajectory:
             person=person,
             level=level,
             position=position,
-            z=elevation(self.building, level, position),
+            z=elevation(self.building, level, position) + self._risen(float(self.time[k]), level),
             velocity=velocity,
             speed=np.linalg.norm(velocity, axis=1),
             started=rows.started,
@@ -267,6 +267,14 @@ class Trajectory:
             crowd_pressure=motion[:, 4] / (2.0 * np.pi * self.radius[person]),
             dose=motion[:, 5] if self.has_dose else np.zeros(len(person)),
         )
+
+    def _risen(self, time: float, level: IntArray) -> FloatArray | float:
+        """Return how far people on some levels are above these at a time, in cars that ride, (c,) [m]."""
+        if not self.building.lifts:
+            return 0.0
+        from evac.building.model.lifts import risen
+
+        return risen(self.building, self.changes, time)[level]
 
     def maps(self, levels: "Iterable[str | int] | None" = None, **options: Any) -> "Mapping[str, LevelMaps]":
         """Return maps of density, speed, flow, ... of levels: see `evac.analysis.maps.level_maps`."""

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     import networkx
     from matplotlib.figure import Figure
 
+    from evac.building.model.lifts import Lift
+
 #: Slope classes: walking on the flat, up or down a slope. Columns of speeds and lengths.
 FLAT, UP, DOWN = 0, 1, 2
 
@@ -37,7 +39,8 @@ class Level:
     name : str
         Tag of the mesh, or generated from kind and height (``"flight z=0.00..1.50"``); unique.
     kind : str
-        ``"floor"``, ``"flight"`` (sloped) or ``"landing"`` (flat, between flights of one stair).
+        ``"floor"``, ``"flight"`` (sloped), ``"landing"`` (flat, between flights of one stair) or ``"car"`` (the room
+        of a lift at one of its stops).
     stair : str or None
         Name of the stair it belongs to.
     triangles : (t, 3) int32
@@ -174,8 +177,38 @@ class Door:
         return self.segment.reshape(1, 4)
 
 
+@dataclass(frozen=True)
+class Ride:
+    """The way of a lift between two neighbouring stops: people change the level on it without crossing a line.
+
+    Attributes
+    ----------
+    index : int
+        Row in ``Building.rides``.
+    name : str
+    levels : (int, int)
+        Rooms of the lift, the lower one first.
+    """
+
+    kind: ClassVar[str] = "ride"
+    index: int
+    name: str
+    levels: tuple[int, int]
+    width: ClassVar[float] = np.inf
+
+    @property
+    def segments(self) -> FloatArray:
+        """Return no segment, (0, 4) [m]."""
+        return np.zeros((0, 4))
+
+
+def ride_name(lift: str, lower: str, upper: str) -> str:
+    """Return the name of the ride of a lift between two neighbouring stops."""
+    return f"{lift}: {lower} - {upper}"
+
+
 #: What people pass and what can be closed: they have `kind`, `index`, `name`, `levels`, `segments` and `width`.
-Link = Portal | Exit | Door
+Link = Portal | Exit | Door | Ride
 
 
 @dataclass(frozen=True)
@@ -258,7 +291,7 @@ class Place:
 class Building:
     """The fixed geometry of a case: levels, portals, exits, areas and walls.
 
-    Portals, exits and doors are links, which have their numbers in this order.
+    Portals, exits, doors and rides of lifts are links, which have their numbers in this order.
 
     Attributes
     ----------
@@ -304,6 +337,8 @@ class Building:
         Exits and areas at which ways end with a cost, each with this time [s].
     jumps : frozenset of Jump
         Ways between levels that take a stated time; travel times count them, and whoever adds one takes people along.
+    lifts : tuple of Lift
+        Lifts, with a level for each stop; see `evac.building.model.lifts`.
     north : float, optional
         Direction of north in plan, counterclockwise from y [degrees]; None if it is not known.
     """
@@ -328,6 +363,7 @@ class Building:
     costs: frozenset[tuple[str, float]] = frozenset()
     jumps: frozenset[Jump] = frozenset()
     north: float | None = None
+    lifts: "tuple[Lift, ...]" = ()
     controls: frozenset[tuple[int, Control]] = frozenset()
     emptying: frozenset[str] = frozenset()
     moving: frozenset[tuple[int, float, float]] = frozenset()
@@ -444,6 +480,8 @@ class Building:
     @cached_property
     def for_ways(self) -> "Building":
         """The building in which ways are planned: the links at which people wait are open."""
+        if not (self.awaited or self.controls or self.emptying):
+            return self
         others, none = frozenset(one for one in self.one_way if one[0] not in self.awaited), frozenset[Any]()
         closed = self.closed - self.awaited
         return replace(self, closed=closed, one_way=others, awaited=none, controls=none, emptying=none)
@@ -459,8 +497,32 @@ class Building:
 
     @cached_property
     def links(self) -> tuple[Link, ...]:
-        """The portals, exits and doors, each at the place of its number."""
-        return *self.portals, *self.exits, *self.doors
+        """The portals, exits, doors and rides, each at the place of its number."""
+        return *self.portals, *self.exits, *self.doors, *self.rides
+
+    @cached_property
+    def rides(self) -> tuple[Ride, ...]:
+        """The rides of all lifts between neighbouring stops, from bottom to top."""
+        pairs = [(lift, k) for lift in self.lifts for k in range(len(lift.rooms) - 1)]
+        return tuple(
+            Ride(row, ride_name(lift.name, *lift.storeys[k : k + 2]), (lift.rooms[k], lift.rooms[k + 1]))
+            for row, (lift, k) in enumerate(pairs)
+        )
+
+    @cached_property
+    def lift_doors(self) -> dict[int, int]:
+        """The portals that are doors of lifts, each with the room of the car behind it."""
+        pairs = (pair for lift in self.lifts for pair in zip(lift.rooms, lift.doors, strict=True))
+        return {door: room for room, doors in pairs for door in doors}
+
+    @cached_property
+    def backs(self) -> tuple[Area, ...]:
+        """The backs of the rooms of lifts, at which jumps by lifts begin and end."""
+        return tuple(
+            Area(self.levels[room].name, room, shapely.Point(lift.back).buffer(0.1))
+            for lift in self.lifts
+            for room in lift.rooms
+        )
 
     @property
     def n_links(self) -> int:
@@ -468,8 +530,9 @@ class Building:
         return len(self.portals) + len(self.exits)
 
     def link_of(self, link: Link) -> int:
-        """Return the number of a portal, exit or door."""
+        """Return the number of a portal, exit, door or ride."""
         before = {"portal": 0, "exit": len(self.portals), "door": self.n_links}
+        before["ride"] = self.n_links + len(self.doors)
         return before[link.kind] + link.index
 
     @cached_property

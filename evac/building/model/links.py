@@ -9,11 +9,11 @@ import numpy as np
 import shapely
 
 from evac.base.arrays import FloatArray
-from evac.base.change import BODIES, LEAVE, Change, Control, Moving
+from evac.base.change import BODIES, CLOSES, LEAVE, OPENS, Change, Control, Moving
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
 from evac.building.geometry import connected_components, place_of
-from evac.building.model.building import Area, Building, Door, Exit, Portal
+from evac.building.model.building import Area, Building, Door, Exit, Portal, Ride
 from evac.building.model.findings import Finding, item_of
 
 #: Distance from the outline of an area within which a link leads into it [m].
@@ -22,10 +22,11 @@ ON_OUTLINE = 0.05
 
 def links_named(building: Building, name: str) -> frozenset[int]:
     """Return the links of an exit, portal or door with a given name, or the portals of a stair or shaft."""
-    links = {number for number, link in enumerate(building.links) if link.name == name}
+    own = [link for link in building.links if not isinstance(link, Ride)]
+    links = {number for number, link in enumerate(own) if link.name == name}
     links |= {portal.index for level in building.pieces_of(name) for portal in building.portals_of(level)}
     if not links:
-        known = [*(link.name for link in building.links), *building.stairs, *building.shafts]
+        known = [*(link.name for link in own), *building.stairs, *building.shafts]
         raise BuildingError(
             f"{building.source}: no exit, portal, stair or door is named {name!r}; {did_you_mean(name, known)}"
         )
@@ -50,6 +51,7 @@ def _origin(building: Building, link: int, towards: str) -> int:
         if towards not in ("in", "out"):
             raise BuildingError(f"{building.source}: exit {way.name!r} does not lead to {towards!r}; use 'in' or 'out'")
         return way.level if towards == "out" else -1
+    assert isinstance(way, Portal)
     ends = {building.levels[level].title: way.other(level) for level in way.levels}
     ends |= {building.levels[level].name: way.other(level) for level in way.levels}
     if towards in ("up", "down"):
@@ -107,6 +109,12 @@ def changed(building: Building, change: Change) -> Building:
             name = _area(building, change.what)
             free = building.barred - {name}
             after = replace(building, barred=free if value is False else free | {name})
+        case "lift" if value is not None:
+            if value[0] not in (OPENS, CLOSES):
+                return building
+            lift = next(lift for lift in building.lifts if lift.name == change.what)
+            doors = frozenset(lift.doors[lift.storeys.index(value[1])])
+            after = replace(building, closed=building.closed - doors if value[0] == OPENS else building.closed | doors)
         case _:
             return building
     return building if after.condition == building.condition else after
@@ -262,7 +270,9 @@ def close_links(building: Building, names: Sequence[str]) -> Building:
     return replace(result, findings=(*building.findings, *cut_off))
 
 
-def levels_reaching(building: Building, exits: Iterable[Exit | Area], barred: Collection[int] = ()) -> set[int]:
+def levels_reaching(
+    building: Building, exits: Iterable[Exit | Area], barred: Collection[int] = (), lifts: bool = True
+) -> set[int]:
     """Return the levels from which one of some open exits or areas can be reached, without the portals `barred`."""
     reached = {exit_.level for exit_ in exits}
     waiting = list(reached)
@@ -270,21 +280,22 @@ def levels_reaching(building: Building, exits: Iterable[Exit | Area], barred: Co
         level = waiting.pop()
         leading = [portal for portal in building.portals_of(level) if building.leads_from(portal, portal.other(level))]
         more = {portal.other(level) for portal in leading if portal.index not in barred}
-        more |= {start for start, end in jumped_levels(building) if end == level}
+        more |= {start for start, end in jumped_levels(building, lifts) if end == level}
         waiting += more - reached
         reached |= more
     return reached
 
 
-def jumped_levels(building: Building) -> list[tuple[int, int]]:
+def jumped_levels(building: Building, lifts: bool = True) -> list[tuple[int, int]]:
     """Return the levels of the start and of the end of each jump."""
-    level = {area.name: area.level for area in building.areas}
-    return [(level[jump.start], level[jump.end]) for jump in building.jumps]
+    level = {area.name: area.level for area in (*building.areas, *(building.backs if lifts else ()))}
+    return [(level[jump.start], level[jump.end]) for jump in building.jumps if jump.start in level]
 
 
 def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Finding, ...]:
     """Warn of levels from which no exit can be reached, except the levels in `closed`."""
-    pairs = [portal.levels for portal in building.portals if building.is_open(portal)] + jumped_levels(building)
+    pairs = [portal.levels for portal in building.portals if building.for_ways.is_open(portal)]
+    pairs += jumped_levels(building)
     part = connected_components(len(building.levels), np.array(pairs, dtype=np.int64).reshape(-1, 2))
     open_levels = {way.level for way in building.exits if building.is_open(way)}
     notes = []

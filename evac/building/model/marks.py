@@ -38,7 +38,8 @@ def marks_of(building: Building) -> list[Mark]:
     """Return the slow and barred areas of a building as it is at a time, then the arrows of its links."""
     kinds = {name: "slow" for name, _ in building.slowed} | dict.fromkeys(building.barred, "barred")
     marks = [Mark(kinds[name], one.level, one.polygon) for name in sorted(kinds) for one in building.parts_named(name)]
-    marks += [_arrow(building, link, origin) for link, origin in sorted(building.one_way)]
+    ways = [way for way in sorted(building.one_way) if way[0] not in building.lift_doors]
+    marks += [_arrow(building, link, origin) for link, origin in ways]
     return marks + [_strip(building, link) for link in building.controlled]
 
 

@@ -42,7 +42,7 @@ from evac.building.plan.outlines import (
     with_walls,
     written,
 )
-from evac.building.plan.plan import Item, Stair
+from evac.building.plan.plan import Item, LiftItem, Stair
 from evac.building.plan.rooms import check_storey, expanded, key_of, originals
 from evac.building.surface.surfacemesh import Height, SurfaceMesh
 
@@ -64,6 +64,8 @@ UNCOVERED = 0.01
 FLUSH = 0.01
 #: Pieces of an outline at most this far apart are on one line [m]; narrowest part of an exit that another one has.
 ON_ONE_LINE, NARROWEST = 1e-5, 0.5
+#: Thickness of the walls of lifts [m].
+LIFT_WALL = 0.15
 #: Smallest overlap of two floors, and smallest part of an area beside its floor, that is reported [m2].
 LEAST_REPORTED = 0.05
 #: Share of an area beside its floor above which it is a warning.
@@ -96,6 +98,7 @@ class Drawing:
         for name in plan.storeys:
             self._make_floor(name)
         self._open_doors()
+        cars = [car for lift in plan.lifts for car in self._place_lift(lift)]
         self.rooms = dict(self.floors)
         obstacles = [self._place_obstacle(item) for item in plan.obstacles]
         self.exits += plan.exits
@@ -109,7 +112,7 @@ class Drawing:
             assert item.segment is not None
             self.openings += [(item.storey, piece) for piece in _on_outline(self.floors[item.storey], item.segment)]
         self._find_areas_beside_floors()
-        surfaces: list[Drawn] = [*self._ground(), *(drawn for drawn in obstacles if drawn is not None)]
+        surfaces: list[Drawn] = [*self._ground(), *cars, *(drawn for drawn in obstacles if drawn is not None)]
         if not surfaces:
             return None
         for name, pieces in self.pieces.items():
@@ -122,7 +125,10 @@ class Drawing:
             uses = {room.name: (room.use or "", room.number) for room in plan.rooms if room.is_area}
             mesh = SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings, self.doors, uses)
             controls = {one.name: one.control for one in (*plan.doors, *plan.exits) if one.control is not None}
-            return replace(mesh, north=plan.north, controls=controls)
+            drawn = {tag for (tag, *_), *_ in cars}
+            whole = [one for one in plan.lifts if drawn.issuperset(map(one.tag_at, one.storeys))]
+            lifts = [(one.name, sorted(one.storeys, key=self._height), one.operation) for one in whole]
+            return replace(mesh, north=plan.north, controls=controls, lifts=lifts)
         except ValueError as error:
             self.errors.append(Finding("error", str(error)))
         return None
@@ -288,6 +294,35 @@ class Drawing:
         parts = [part.polygon for part in added if not part.polygon.is_empty]
         if parts:
             self.floors[storey] = united([self.floors[storey], *parts])
+
+    def _height(self, storey: str) -> float:
+        return self.plan.storeys[storey].z
+
+    def _place_lift(self, lift: LiftItem) -> list[Drawn]:
+        """Part the car of a lift from the floors of its storeys by walls, open its doors, and return its rooms."""
+        rooms: list[Drawn] = []
+        for name in lift.storeys:
+            with noting(self.errors, f"lift {lift.name!r}", f"lifts.{lift.name}", name, lift.polygon):
+                check_storey(self.declared, name)
+                self.floors[name] = cut(self.floors[name], lift.polygon.buffer(LIFT_WALL, join_style="mitre"))
+                doors = [piece for one in lift.doors for piece in _on_outline(lift.polygon, one).reshape(-1, 2, 2)]
+                if not doors:
+                    raise ValueError(f"its door {written(lift.doors[0])} is not on the outline of its polygon; move it")
+                sills = [self._sill(lift, name, door) for door in doors]
+                if not any(sills):
+                    raise ValueError(
+                        f"storey {name!r} has no floor within {DOOR_REACH:g} m of its door {written(doors[0])}; extend "
+                        "the floor, or leave the storey out"
+                    )
+                self._add(name, [sill for sill in sills if sill is not None])
+                rooms.append(((lift.tag_at(name),), lift.polygon, self._height(name)))
+        return rooms
+
+    def _sill(self, lift: LiftItem, storey: str, door: FloatArray) -> Strip | None:
+        """Return the ground between a door of a lift and the floor before it, None if there is no floor."""
+        left, middle = normal(door), door.mean(axis=0)
+        way = -left if shapely.intersects_xy(lift.polygon, *(middle + BESIDE * left)) else left
+        return strips(self.floors[storey], door, way[None], DOOR_REACH)[0]
 
     def _place_obstacle(self, item: Item) -> tuple[tuple[str, ...], BaseGeometry, float] | None:
         """Cut an obstacle out of its floor; return its surface, or None if it is not on the floor."""

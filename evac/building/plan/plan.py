@@ -13,6 +13,7 @@ from evac.base.change import Control
 from evac.base.defaults import DOOR_REACH, FARTHEST, HEADROOM
 from evac.base.errors import BuildingError, counted
 from evac.building.model.findings import Finding, findings_of
+from evac.building.options import LiftOptions
 from evac.building.plan.outlines import Shape, inclined_of, is_point, naming_part, outline_of, polygons_of, segment_of
 
 if TYPE_CHECKING:
@@ -130,6 +131,21 @@ class Item:
     key: str | None = None  # of the room that it is, or of what it repeats on another storey
 
 
+@dataclass(frozen=True)
+class LiftItem:
+    """A lift through several storeys; see `evac.building.plan.plan.Plan.lift`."""
+
+    name: str
+    storeys: tuple[str, ...]
+    polygon: BaseGeometry
+    doors: tuple[FloatArray, ...]
+    operation: LiftOptions
+
+    def tag_at(self, storey: str) -> str:
+        """Return the tag of the room of the car at a storey."""
+        return f"floor:{self.name} {storey}"
+
+
 class Plan:
     """A building drawn in plan, from which a surface mesh, a `Building` or a case can be made.
 
@@ -154,6 +170,7 @@ class Plan:
     stairs : list of Stair
     shafts : list of Shaft
     doors, exits, openings, areas, obstacles : list of Item
+    lifts : list of LiftItem
     pieces : list of (str, str, tuple)
         Flights and landings added one by one: the stair, the kind and the shape.
     proposals : list of (Finding, dict)
@@ -189,6 +206,7 @@ class Plan:
         self.openings: list[Item] = []
         self.areas: list[Item] = []
         self.obstacles: list[Item] = []
+        self.lifts: list[LiftItem] = []
         self.pieces: list[tuple[str, str, tuple[Any, ...]]] = []
         self.proposals: list[tuple[Finding, dict[str, Any]]] = []
         self.lines: list[tuple[str, str, FloatArray]] = []
@@ -551,6 +569,41 @@ class Plan:
     def obstacle(self, name: str, storey: str, polygon: Shape) -> None:
         """Add an obstacle: it is cut out of the floor of its storey, and its outline becomes a wall."""
         self.obstacles.append(Item(name, storey, polygons=self._polygons(f"obstacles.{name}", storey, polygon)))
+
+    def lift(
+        self,
+        name: str,
+        storeys: Sequence[str],
+        polygon: Shape,
+        door: Shape,
+        *,
+        operation: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Add a lift: a car that stops at some storeys, from whose floors it is parted by walls of 0.15 m at least.
+
+        Parameters
+        ----------
+        name : str
+        storeys : sequence of str
+            The storeys at which it stops.
+        polygon : shape
+            Ground of its car, one polygon.
+        door : segment
+            On the outline of the car, at most 0.6 m from the floor before it. Of several segments, as a list, each is a
+            door on the storeys that have floor before it.
+        operation : mapping
+            How it works, such as ``{"speed": 2.5, "capacity": 13}``: the keys of `evac.building.options.LiftOptions`.
+        """
+        what = f"lift {name!r}"
+        self._check_new("lifts", name, [lift.name for lift in self.lifts])
+        if isinstance(storeys, str) or not isinstance(storeys, Sequence) or len({*storeys}) < max(2, len(storeys)):
+            raise BuildingError(f"{self.source}: {what}: storeys must be a list of at least two names, not {storeys!r}")
+        with naming_part(self.source, what):
+            outline = outline_of(polygon)
+        several = door if isinstance(door, list) and door and not any(map(is_point, door)) else [door]
+        doors = tuple(self._segment(what, "door", one) for one in several)
+        own = LiftOptions.read(operation or {}, BuildingError, f"{self.source}: {what}: operation.")
+        self.lifts.append(LiftItem(name, tuple(storeys), outline, doors, own))
 
     def take(self, name: str, other: "Plan") -> None:
         """Copy the polygons and all items of another plan with one storey to a storey that was given as a file.

@@ -30,7 +30,7 @@ NUMBERS = ("headroom", "north")
 #: Lists of tables; the keys of a table are the arguments of the method of `Plan` with the name in the singular.
 SECTIONS = (
     *("storeys", "rooms", "stairs", "shafts", "flights", "landings"),
-    *("doors", "exits", "openings", "areas", "obstacles"),
+    *("doors", "exits", "openings", "areas", "obstacles", "lifts"),
 )
 
 
@@ -148,6 +148,12 @@ def table_of(plan: Plan) -> dict[str, Any]:
     ]
     for section in ("openings", "areas", "obstacles"):
         table[section] = [_item(one) for one in getattr(plan, section)]
+    table["lifts"] = [
+        {"name": lift.name, "storeys": list(lift.storeys), "polygon": _corners(lift.polygon)}
+        | {"door": _plain(lift.doors[0] if len(lift.doors) == 1 else [one.tolist() for one in lift.doors])}
+        | ({"operation": own} if (own := lift.operation.model_dump(exclude_unset=True)) else {})
+        for lift in plan.lifts
+    ]
     return {key: value for key, value in table.items() if value != []}
 
 

@@ -109,6 +109,10 @@ def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_
     building = add_obstacles(building, obstacles, errors)
     if errors:
         raise refusal(source, errors)
+    if surface.lifts or options.lifts:
+        from evac.building.model.lifts import with_lifts_of
+
+        building = with_lifts_of(building, surface.lifts, options.lifts)
     building = replace(building, findings=(*building.findings, *(isolated_parts(building) if building.exits else ())))
     building = with_controls(building, {**surface.controls, **options.controls})
     for name, moving in options.moving.items():

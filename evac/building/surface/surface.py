@@ -3,7 +3,7 @@
 The result depends only on the geometry, not on the order of vertices and cells in a file or on their orientation.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from evac.base.change import Control
 from evac.base.errors import BuildingError
 from evac.building.geometry import least_height, plan_area
 from evac.building.model.findings import Finding, refusal
-from evac.building.options import SurfaceOptions
+from evac.building.options import LiftOptions, SurfaceOptions
 from evac.building.surface.foreign import walked_surface
 from evac.building.surface.resolution import check_extent, check_resolution, doubted_axis
 from evac.building.surface.surfacemesh import TriangleMesh
@@ -47,6 +47,7 @@ class Surface:
     doors: tuple[tuple[str, FloatArray], ...] = ()
     uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)  # use and people of areas
     controls: Mapping[str, Control] = field(default_factory=dict)
+    lifts: Sequence[tuple[str, Sequence[str], LiftOptions]] = ()
     doubts: tuple[Finding, ...] = ()  # those of the findings that errors repeat, since they may tell the cause
 
 
@@ -109,7 +110,7 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     gradient = -normal[:, :2] / normal[:, 2:] + 0.0
     is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= options.flat_angle
     doors = tuple((name, scale * ends) for name, ends in mesh.doors)
-    kept = doors, mesh.uses, mesh.controls, doubts
+    kept = doors, mesh.uses, mesh.controls, mesh.lifts, doubts
     return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), *kept)
 
 

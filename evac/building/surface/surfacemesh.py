@@ -16,6 +16,7 @@ from evac.base.change import Control
 from evac.base.errors import BuildingError, PluginError
 from evac.building.geometry import GRID, points_on, rounded, triangulate
 from evac.building.model.findings import Finding, as_findings, repaired, with_repaired_names
+from evac.building.options import LiftOptions
 
 #: Kinds of tag on surfaces and on edges.
 SURFACE_TAGS = ("floor", "stair", "area", "obstacle")
@@ -59,6 +60,9 @@ class SurfaceMesh:
         Direction of north in plan, counterclockwise from y; None if it is not known.
     controls : mapping of str to Control
         How exits and doors let people through, by their names.
+    lifts : sequence of (str, sequence of str, LiftOptions)
+        Lifts: name, names of their storeys from bottom to top, and how they work. The room of lift NAME at STOREY is a
+        floor with the tag ``floor:NAME STOREY``; its doors are the edges that it shares with other floors.
     """
 
     points: ArrayLike
@@ -71,6 +75,7 @@ class SurfaceMesh:
     uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)
     north: float | None = None
     controls: Mapping[str, Control] = field(default_factory=dict)
+    lifts: Sequence[tuple[str, Sequence[str], LiftOptions]] = ()
 
     @classmethod
     def of_polygons(
@@ -152,6 +157,7 @@ class TriangleMesh:
     doors: tuple[tuple[str, FloatArray], ...] = ()  # tuple of (str, (2, 3) float64) [units of the file]
     uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)
     controls: Mapping[str, Control] = field(default_factory=dict)
+    lifts: Sequence[tuple[str, Sequence[str], LiftOptions]] = ()
 
 
 def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
@@ -190,7 +196,7 @@ def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
     doors = [(repaired(name), _as_array(source, f"door:{name}", at, np.float64, (2, 3))) for name, at in mesh.doors]
     uses = {repaired(name): use for name, use in mesh.uses.items()}
     return TriangleMesh(
-        source, points, triangles, cell_tags, edge_tags, tuple(notes), tuple(doors), uses, mesh.controls
+        source, points, triangles, cell_tags, edge_tags, tuple(notes), tuple(doors), uses, mesh.controls, mesh.lifts
     )
 
 

@@ -39,7 +39,12 @@ class Metric:
 
 
 def march(
-    grids: BuildingGrids, metric: Metric, exits: list[Exit | Area], order: int, barred: frozenset[int] = frozenset()
+    grids: BuildingGrids,
+    metric: Metric,
+    exits: list[Exit | Area],
+    order: int,
+    barred: frozenset[int] = frozenset(),
+    lifts: bool = False,
 ) -> FloatArray:
     """Return the minimum cost (nodes,) from each node of all grids to any of the given exits [s].
 
@@ -50,15 +55,15 @@ def march(
     starts at the contour of the neighbour's field at its minimum on the portal. This contour is in the halo, so that
     the wave reaches the portal as it does on the grid of the neighbour. Portals are processed in the order of this
     minimum until the cost of no level decreases any more. Ways end at an exit or an area with its cost, and at the
-    start of a jump with its time and the cost at its end.
+    start of a jump with its time and the cost at its end; jumps by lifts count with `lifts`.
     """
-    return _March(grids, metric, order, barred).run(exits)
+    return _March(grids, metric, order, barred, lifts).run(exits)
 
 
 class _March:
     """The costs found so far, and the queue of portals."""
 
-    def __init__(self, grids: BuildingGrids, metric: Metric, order: int, barred: frozenset[int]) -> None:
+    def __init__(self, grids: BuildingGrids, metric: Metric, order: int, barred: frozenset[int], lifts: bool) -> None:
         self.grids = grids
         self.metric = metric
         self.order = order
@@ -66,7 +71,7 @@ class _March:
         self.spacing = grids.lattice.spacing
         self.is_plain = metric.is_plain
         self.cost = np.full(grids.size, math.inf)
-        self.jumps = grids.jumps()
+        self.jumps = grids.jumps(lifts)
         #: Cost, portal and level entered; instead of a portal, -1 for doors of one direction, -2 - k for jump k.
         self.pending: list[tuple[float, int, int]] = []
         #: Number of times that the cost of each level decreased.

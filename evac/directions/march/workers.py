@@ -31,6 +31,7 @@ class March(NamedTuple):
     metric: Metric
     exits: list[Exit | Area]
     barred: frozenset[int] = frozenset()
+    lifts: bool = False
 
 
 def number_of_workers(grids: BuildingGrids, marches: int, memory: float, wanted: int | None) -> int:
@@ -57,12 +58,12 @@ def march_all(
 
             with suppress(OSError, BrokenExecutor):
                 pool = stack.enter_context(Pool(workers, _take, (grids, order), is_quiet=True))
-                for metric, exits, barred in marches:
+                for metric, exits, barred, lifts in marches:
                     factor = metric.factor[:1] if metric.factor.strides == (0,) else metric.factor  # one number
-                    futures.append(pool.submit(_march, metric.slowness, factor, metric.is_plain, exits, barred))
-        for metric, exits, barred in marches:
+                    futures.append(pool.submit(_march, metric.slowness, factor, metric.is_plain, exits, barred, lifts))
+        for metric, exits, barred, lifts in marches:
             cost = _answer(futures.popleft()) if futures else None
-            yield march(grids, metric, exits, order, barred) if cost is None else cost
+            yield march(grids, metric, exits, order, barred, lifts) if cost is None else cost
 
 
 def _answer(future: "Future[FloatArray]") -> FloatArray | None:
@@ -84,8 +85,13 @@ def _take(grids: BuildingGrids, order: int) -> None:
 
 
 def _march(
-    slowness: FloatArray, factor: FloatArray, is_plain: bool, exits: list[Exit | Area], barred: frozenset[int]
+    slowness: FloatArray,
+    factor: FloatArray,
+    is_plain: bool,
+    exits: list[Exit | Area],
+    barred: frozenset[int],
+    lifts: bool,
 ) -> FloatArray:
     """Return the costs of a march."""
     ((grids, order),) = _given
-    return march(grids, Metric(slowness, np.broadcast_to(factor, grids.size), is_plain), exits, order, barred)
+    return march(grids, Metric(slowness, np.broadcast_to(factor, grids.size), is_plain), exits, order, barred, lifts)

@@ -117,10 +117,10 @@ class BuildingGrids:
         near = near[np.argsort(away.ravel()[near], kind="stable")]
         return grid.offset + near, away.ravel()[near]
 
-    def jumps(self) -> list[tuple[Jump, Area, int]]:
+    def jumps(self, lifts: bool) -> list[tuple[Jump, Area, int]]:
         """Return the jumps, each with the area of its start, and the node in the middle of its end."""
-        areas = {area.name: area for area in self.building.areas}
-        jumps = sorted(self.building.jumps)
+        areas = {area.name: area for area in (*self.building.areas, *(self.building.backs if lifts else ()))}
+        jumps = sorted(jump for jump in self.building.jumps if jump.start in areas)
         return [(jump, areas[jump.start], int(self.around(areas[jump.end])[0][0])) for jump in jumps]
 
     def is_beside(self, grid: LevelGrid) -> BoolArray:

@@ -1,0 +1,204 @@
+"""Lifts: a room for each stop of a car, and how the car moves. Only buildings with lifts import this module."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.base.arrays import FloatArray
+from evac.base.change import ARRIVES, LEAVES, LIFT, Change
+from evac.base.errors import BuildingError
+from evac.base.parameters import did_you_mean
+from evac.building.model.building import Building, Jump
+from evac.building.options import LiftOptions
+
+#: Distance of the place at the back of a car to which people walk from its walls, in a car that is wide enough [m].
+OFF_WALLS = 0.25
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The ideal motion of a car over a distance [m], limited by speed [m/s], acceleration [m/s2] and jerk [m/s3]."""
+
+    distance: float
+    speed: float
+    acceleration: float
+    jerk: float
+
+    @property
+    def peaks(self) -> tuple[float, float]:
+        """The greatest acceleration and the greatest speed that are reached."""
+        d, v, j = self.distance, self.speed, self.jerk
+        a = min(self.acceleration, math.sqrt(v * j))  # a slow car reaches its speed before its acceleration
+        if d >= v * a / j + v * v / a:
+            return a, v
+        if d >= 2.0 * a**3 / j**2:
+            return a, 0.5 * a * (math.sqrt((a / j) ** 2 + 4.0 * d / a) - a / j)
+        a = float(np.cbrt(0.5 * d * j * j))
+        return a, a * a / j
+
+    @property
+    def duration(self) -> float:
+        """Time from start to stop [s]."""
+        if self.distance <= 0.0:
+            return 0.0
+        a, v = self.peaks
+        return self.distance / v + v / a + a / self.jerk
+
+    def at(self, time: float) -> float:
+        """Return the distance covered at a time after the start [m]."""
+        if self.distance <= 0.0 or time <= 0.0:
+            return 0.0
+        a, v = self.peaks
+        rise, hold = a / self.jerk, max(0.0, v / a - a / self.jerk)
+        cruise = max(0.0, self.duration - 4.0 * rise - 2.0 * hold)
+        x = speed = acceleration = 0.0
+        left = time
+        for span, jerk in zip((rise, hold, rise, cruise, rise, hold, rise), (1, 0, -1, 0, -1, 0, 1), strict=True):
+            t, j = min(span, left), jerk * self.jerk
+            x += speed * t + acceleration * t * t / 2.0 + j * t**3 / 6.0
+            speed += acceleration * t + j * t * t / 2.0
+            acceleration += j * t
+            left -= t
+        return min(x, self.distance) if left <= 0.0 else self.distance
+
+
+@dataclass(frozen=True)
+class Lift:
+    """A lift: equal rooms above each other, a level each. Its car is in one of them, or on the way between two.
+
+    Attributes
+    ----------
+    name : str
+    storeys : tuple of str
+        Names of its stops, from bottom to top.
+    rooms : tuple of int
+        The level of the car at each stop.
+    doors : tuple of tuple of int
+        The portals of each room.
+    heights : tuple of float
+        Of the stops [m].
+    back : (float, float)
+        Place in plan at the back of the car to which people walk [m].
+    operation : LiftOptions
+    """
+
+    name: str
+    storeys: tuple[str, ...]
+    rooms: tuple[int, ...]
+    doors: tuple[tuple[int, ...], ...]
+    heights: tuple[float, ...]
+    back: tuple[float, float]
+    operation: LiftOptions
+
+    @property
+    def discharge(self) -> int:
+        """The stop at which people get out."""
+        return 0 if self.operation.discharge is None else self.storeys.index(self.operation.discharge)
+
+    @property
+    def start(self) -> int:
+        """The stop at which the car is at first."""
+        return self.discharge if self.operation.start is None else self.storeys.index(self.operation.start)
+
+    def motion(self, origin: int, to: int) -> Motion:
+        """Return the motion of the car between two stops."""
+        own = self.operation
+        return Motion(abs(self.heights[to] - self.heights[origin]), own.speed, own.acceleration, own.jerk)
+
+    def flight(self, origin: int, to: int) -> float:
+        """Return the time from closed doors at one stop until the doors begin to open at another one [s]."""
+        return 0.0 if origin == to else self.operation.start_delay + self.motion(origin, to).duration
+
+    def delay(self, stop: int) -> float:
+        """Return the time that people expect from their arrival at a stop to open doors at the discharge [s]."""
+        own = self.operation
+        return own.wait + own.closing + self.flight(stop, self.discharge) + own.opening
+
+
+def with_lifts_of(
+    building: Building,
+    drawn: Sequence[tuple[str, Sequence[str], LiftOptions]],
+    given: Mapping[str, LiftOptions],
+) -> Building:
+    """Return a building with lifts made of its levels `NAME STOREY`; what a case gives replaces what is drawn."""
+    names = [name for name, *_ in drawn]
+    for name in given:
+        if name not in names:
+            hint = did_you_mean(name, names) if names else "the building has none"
+            raise BuildingError(f"{building.source}: building.lifts.{name}: there is no such lift; {hint}")
+    lifts = []
+    for name, storeys, operation in drawn:
+        rooms = [level for storey in storeys if (level := building.level_named(f"{name} {storey}")) is not None]
+        own = given.get(name, LiftOptions()).model_dump(exclude_unset=True)
+        operation = operation.model_copy(update=own)
+        for key in ("discharge", "start"):
+            if (storey := getattr(operation, key)) not in (None, *storeys):
+                raise BuildingError(
+                    f"{building.source}: lift {name!r}: operation.{key}: it does not stop at {storey!r}; "
+                    f"{did_you_mean(str(storey), list(storeys))}"
+                )
+        doors = tuple(tuple(portal.index for portal in building.portals_of(room.index)) for room in rooms)
+        lines = np.concatenate([building.portals[door].segments for own in doors for door in own])
+        levels, heights = tuple(room.index for room in rooms), tuple(room.z_min for room in rooms)
+        back = _back(rooms[0].polygon, lines)
+        lifts.append(Lift(name, tuple(storeys), levels, doors, heights, back, operation))
+    return with_lifts(building, tuple(lifts))
+
+
+def with_lifts(building: Building, lifts: tuple[Lift, ...]) -> Building:
+    """Return a building whose levels are the rooms of lifts: their doors are closed, and people wait before them."""
+    doors = replace(building, lifts=lifts).lift_doors
+    name = {level.index: level.name for level in building.levels}
+    jumps = {
+        Jump(name[room], name[lift.rooms[lift.discharge]], lift.delay(stop))
+        for lift in lifts
+        for stop, room in enumerate(lift.rooms)
+        if stop != lift.discharge
+    }
+    return replace(
+        building,
+        levels=tuple(replace(one, kind="car") if one.index in doors.values() else one for one in building.levels),
+        lifts=lifts,
+        closed=building.closed | frozenset(doors),
+        one_way=building.one_way | frozenset(doors.items()),
+        awaited=building.awaited | frozenset(doors),
+        jumps=building.jumps | jumps,
+    )
+
+
+def _back(polygon: BaseGeometry, doors: FloatArray) -> tuple[float, float]:
+    """Return the place in a car that is farthest from the middle of its doors, in the middle of its back."""
+    inner = polygon.buffer(-OFF_WALLS)
+    free = polygon.representative_point().buffer(0.01) if inner.is_empty else inner
+    x1, y1, x2, y2 = free.bounds
+    x, y = (part.ravel() for part in np.meshgrid(np.linspace(x1, x2, 41), np.linspace(y1, y2, 41)))
+    points = np.column_stack([x, y])[shapely.intersects_xy(free, x, y)]
+    centre = np.array(polygon.centroid.coords[0])
+    x1, y1, x2, y2 = doors[0]
+    ahead = np.array([y1 - y2, x2 - x1]) / np.hypot(x2 - x1, y2 - y1)
+    along = points @ ahead * np.sign(ahead @ (centre - doors[0, :2]))
+    off = np.round(np.hypot(*(points - centre).T), 6)
+    x0, y0 = points[np.lexsort((off, -np.round(along, 6)))[0]].tolist()
+    return x0, y0
+
+
+def risen(building: Building, changes: Iterable[Change], time: float) -> FloatArray:
+    """Return how far the cars at the stops that they have left are above these at a time, (levels,) [m]."""
+    off: FloatArray = np.zeros(len(building.levels))
+    lifts = {lift.name: lift for lift in building.lifts}
+    for change in changes:
+        if change.kind != LIFT or change.time > time or change.values["value"][0] not in (LEAVES, ARRIVES):
+            continue
+        lift = lifts[change.what]
+        what, *storeys = change.values["value"]
+        origin, to = map(lift.storeys.index, storeys)
+        off[list(lift.rooms)] = 0.0
+        if what == LEAVES:
+            rise = lift.heights[to] - lift.heights[origin]
+            done = lift.motion(origin, to).at(time - change.time - lift.operation.start_delay)
+            off[lift.rooms[origin]] = math.copysign(done, rise)
+    return off

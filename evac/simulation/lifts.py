@@ -1,0 +1,437 @@
+"""The cars of lifts: their doors, their rides, and whom they let in. All of it becomes changes of the scene."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.base.arrays import FloatArray, IntArray
+from evac.base.change import ARRIVES, CLOSES, LEAVES, LIFT, OPENS, Change
+from evac.base.saved import Bounds, Saved
+from evac.building.model.building import Building, Portal
+from evac.building.model.lifts import Lift
+from evac.physics.extent import extent
+from evac.results.results import LiftUse
+from evac.simulation.doorways import REACH, nearest_points
+from evac.simulation.scene import Scene
+from evac.simulation.timetable import AT_ONCE
+
+#: Phases of a car: with closed doors, while these open, with open doors, while they close, on its way, and while those
+#: who do not fit step back.
+STANDS, OPENING, OPEN, CLOSING, RIDES, BACK = range(6)
+
+#: Time that people in the doorway have after the doors should have closed [s].
+PATIENCE = 2.0
+
+#: Time that doors stay open longer while people come who were called from other doors of the bank [s].
+COMING = 10.0
+
+#: Distance from a door from which people call the lift [m], and time between two looks at who does [s].
+CALL, LOOK = 5.0, 0.5
+
+#: By how much longer the way from a door may be than from where somebody stands who waits before it [s].
+SLACK = 0.5
+
+#: Weight of the direction to the door to which people are called, beside that of their way.
+LEAD = 10.0
+
+#: Distance between places in a car at most [m]; from their places people stand still, and slow down [m].
+WIDEST, AT_REST, BRAKES = 0.6, 0.05, 0.3
+
+#: Distance from a door within which people make room for those who step back [m].
+CLEARED = 1.2
+
+#: Distance from the middle of a door from which people walk straight to it, and before that towards a place ahead [m].
+ASIDE, AHEAD = 0.5, 0.8
+
+
+class Trip(NamedTuple):
+    """A ride with people."""
+
+    lift: int
+    time: float  # at which the car leaves [s]
+    origin: int
+    to: int
+    people: int
+    mass: float  # [kg]
+
+
+class Lobby(NamedTuple):
+    """The doors of the cars of a bank on a level."""
+
+    level: int
+    cars: tuple[tuple[int, int, Portal], ...]  # number of the lift, stop, and door
+
+
+class Lifts(Saved):
+    """Moves the cars of a scene.
+
+    A car lets in the people before its door who ride lifts, the nearest first, as many as there are places left; for
+    all others the open door is a wall, and those inside may always get out. Doors take the time that it takes them, and
+    wait for whom they would hit. Who does not get out of their way steps back.
+
+    Attributes
+    ----------
+    phase, stop, to : (lifts,) int64
+        What each car does, the stop where it is or which it has left, and that to which it rides.
+    until : (lifts,) float64
+        When the phase ends [s].
+    waits_since : (people,) float64
+        Since when each person has waited before a door [s]; NaN for who does not, or is in a car.
+    trips : (m, 6) float64
+        The rides so far, with the columns of `Trip`.
+    rides : (r, 3) float64
+        Who has ridden: person, lift, and how long the person has waited [s].
+    """
+
+    saved = (
+        *("phase", "stop", "to", "until", "waits_since", "trips", "rides"),
+        *("_last", "_count", "_called", "_spot", "_is_led", "_waiting", "_looked"),
+    )
+
+    def __init__(self, scene: Scene) -> None:
+        assert scene.people is not None
+        self._scene, self._lifts, self._crowd = scene, scene.building.lifts, scene.people.crowd
+        people = len(self._crowd.level)
+        self.phase, self.to, self._count = np.zeros((3, len(self._lifts)), np.int64)
+        self.stop = np.array([lift.start for lift in self._lifts], np.int64)
+        self.until, self._last = np.zeros((2, len(self._lifts)))
+        self.waits_since = np.full(people, np.nan)
+        self.trips, self.rides = np.zeros((0, len(Trip._fields))), np.zeros((0, 3))
+        self._called: NDArray[np.int64] = np.full(people, -1, np.int64)  # car to which each person was called
+        self._spot: NDArray[np.int64] = np.full(people, -1, np.int64)  # where each person stands in its car
+        self._is_led = np.zeros(people, np.bool_)
+        self._spots = [spots_in(scene.building, lift) for lift in self._lifts]
+        self._lobbies = lobbies_of(scene.building)
+        self._lobby = {(car, stop): k for k, one in enumerate(self._lobbies) for car, stop, _ in one.cars}
+        self._waiting = np.zeros(len(self._lobbies), np.int64)  # people before the doors of each lobby
+        self._looked = -LOOK
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a car does something, or is called."""
+        return bool((self.phase != STANDS).any() or self._waiting.any())
+
+    def act(self) -> None:
+        """Make what is due at this tick, and let people in."""
+        if self._scene.time >= self._looked + LOOK - AT_ONCE:
+            self._looked = self._scene.time
+            self._look()
+        for k in range(len(self._lifts)):
+            while self._goes_on(k):
+                pass
+            self._let_in(k)
+
+    def use(self) -> list[LiftUse]:
+        """Return what each lift has carried so far."""
+        rows = []
+        for k, lift in enumerate(self._lifts):
+            people = self.trips[self.trips[:, 0] == k][:, Trip._fields.index("people")]
+            waits, capacity = self.rides[self.rides[:, 1] == k][:, 2], lift.operation.capacity
+            rows.append(
+                LiftUse(
+                    name=lift.name,
+                    storeys=list(lift.storeys),
+                    capacity=capacity,
+                    trips=len(people),
+                    people=len(waits),
+                    mean_load=float(people.mean() / capacity) if len(people) else None,
+                    mean_wait=float(waits.mean()) if len(waits) else None,
+                    longest_wait=float(waits.max()) if len(waits) else None,
+                )
+            )
+        return rows
+
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of phases, stops, times and people."""
+        most, lifts = max(len(lift.rooms) for lift in self._lifts) - 1, len(self._lifts) - 1
+        stops = dict.fromkeys(("stop", "to"), Bounds(0, most))
+        return stops | {
+            "phase": Bounds(STANDS, BACK),
+            "waits_since": Bounds(0.0, nan=True),
+            "trips": Bounds(0.0, shape=(None, len(Trip._fields))),
+            "rides": Bounds(0.0, shape=(None, 3)),
+            "_count": Bounds(0),
+            "_called": Bounds(-1, lifts),
+            "_spot": Bounds(-1, max(map(len, self._spots)) - 1),
+            "_waiting": Bounds(0),
+        }
+
+    def _inside(self, k: int) -> IntArray:
+        """Return the people in a car."""
+        room = self._lifts[k].rooms[self.stop[k]]
+        return np.flatnonzero(self._crowd.level == room).astype(np.int32)
+
+    def _doors(self, k: int) -> tuple[int, ...]:
+        return self._lifts[k].doors[self.stop[k]]
+
+    def _on_line(self, k: int) -> IntArray:
+        """Return the people on the line of the doors of a car whom they let through."""
+        found = [np.zeros(0, np.int32)]
+        for door in self._doors(k):
+            rows = np.flatnonzero(self._crowd.passing == door).astype(np.int32)
+            _, away, outward = nearest_points(self._scene.building.portals[door].segments, self._crowd.position[rows])
+            found.append(rows[away < extent(self._crowd, rows, *outward.T)])
+        return np.concatenate(found)
+
+    def _change(self, k: int, what: str, *stops: int) -> None:
+        lift = self._lifts[k]
+        value = (what, *(lift.storeys[stop] for stop in stops))
+        self._scene.apply(Change(self._scene.time, LIFT, lift.name, {"value": value}))
+
+    def _enter(self, k: int, phase: int, until: float) -> bool:
+        self.phase[k], self.until[k] = phase, until
+        return True
+
+    def _goes_on(self, k: int) -> bool:
+        """Take a car to its next phase if it is due; return whether it was."""
+        phase, until = int(self.phase[k]), float(self.until[k])
+        if phase in (OPENING, CLOSING, RIDES) and until > self._scene.time + AT_ONCE:
+            return False
+        if phase == STANDS:
+            return self._leave(k)
+        if phase == OPEN:
+            return self._close(k)
+        own = self._lifts[k].operation
+        if phase == RIDES:
+            self._change(k, ARRIVES, int(self.stop[k]), int(self.to[k]))
+            self.stop[k] = self.to[k]
+            return self._enter(k, OPENING, until + own.opening)
+        if phase == OPENING:
+            self._change(k, OPENS, int(self.stop[k]))
+            self._last[k], self._count[k] = until, len(self._inside(k))
+            self._call_in(k)
+            return self._enter(k, OPEN, until)
+        if len(self._on_line(k)):
+            if phase == CLOSING and self._scene.time > until + PATIENCE:
+                self._crowd.ahead[np.isin(self._crowd.passing, self._doors(k))] *= -1.0
+                self.phase[k] = BACK
+            return False
+        return self._enter(k, STANDS, until if phase == CLOSING else self._scene.time)
+
+    def _leave(self, k: int) -> bool:
+        """Let a car with closed doors leave for its next stop, or open its doors again."""
+        lift, stop, rows = self._lifts[k], int(self.stop[k]), self._inside(k)
+        to = lift.discharge if len(rows) and stop != lift.discharge else self._next_stop(k)
+        if to is None:
+            return False
+        time = self._scene.time
+        is_next = 0.0 <= time - self.until[k] < LOOK  # right after the doors have closed
+        start = float(self.until[k]) if is_next else time
+        if to == stop:
+            return self._enter(k, OPENING, start + lift.operation.opening)
+        self._change(k, LEAVES, stop, to)
+        self.to[k] = to
+        if len(rows):
+            mass = float(self._crowd.mass[rows].sum())
+            self.trips = np.vstack([self.trips, Trip(k, time, stop, to, len(rows), mass)])
+            since = self.waits_since[rows]
+            waited = np.where(np.isnan(since), 0.0, self._last[k] - since)
+            new = np.column_stack([rows, np.full(len(rows), k), np.maximum(waited, 0.0)])
+            self.rides = np.vstack([self.rides, new])
+            self.waits_since[rows] = np.nan
+        return self._enter(k, RIDES, start + lift.flight(stop, to))
+
+    def _close(self, k: int) -> bool:
+        """Begin to close the doors of a car: when all are out, or it is full, or nobody has come in for a while."""
+        lift, stop, inside = self._lifts[k], int(self.stop[k]), len(self._inside(k))
+        is_in_doorway = len(self._on_line(k)) > 0
+        if inside > self._count[k] or is_in_doorway:
+            self._last[k] = self._scene.time
+        self._count[k] = inside
+        if stop == lift.discharge:
+            is_done = inside == 0 and not is_in_doorway
+        else:
+            is_full = inside >= lift.operation.capacity
+            level = self._lobbies[self._lobby[k, stop]].level
+            comes = ((self._called == k) & (self._crowd.level == level)).any()
+            dwell = lift.operation.dwell + (COMING if comes else 0.0)
+            is_done = is_full or self._scene.time - self._last[k] >= dwell - AT_ONCE
+        if not is_done:
+            return False
+        self._called[self._called == k] = -1
+        self._change(k, CLOSES, stop)
+        return self._enter(k, CLOSING, self._scene.time + lift.operation.closing)
+
+    def _next_stop(self, k: int) -> int | None:
+        """Return the next stop at which more people wait than cars come for, from the top down."""
+        lift = self._lifts[k]
+        for stop in reversed(range(len(lift.rooms))):
+            lobby = self._lobby[k, stop]
+            places = 0
+            for other, at, _ in self._lobbies[lobby].cars:
+                to = int((self.to if self.phase[other] == RIDES else self.stop)[other])
+                if other != k and to == at and self.phase[other] in (OPENING, OPEN, RIDES):
+                    places += self._lifts[other].operation.capacity - len(self._inside(other))
+            if stop != lift.discharge and self._waiting[lobby] > places:
+                return stop
+        return None
+
+    def _look(self) -> None:
+        """Note who waits before the doors of each lobby, and since when."""
+        waits = np.zeros(len(self.waits_since), np.bool_)
+        for number, lobby in enumerate(self._lobbies):
+            rows, _ = self._before(lobby)
+            self._waiting[number] = len(rows)
+            waits[rows] = True
+        rides = np.isin(self._crowd.level, [room for lift in self._lifts for room in lift.rooms])
+        self.waits_since[~waits & ~rides] = np.nan
+        self.waits_since[waits & np.isnan(self.waits_since)] = self._scene.time
+
+    def _before(self, lobby: Lobby) -> tuple[IntArray, list[tuple[FloatArray, FloatArray]]]:
+        """Return who waits before the doors of a lobby, and nearest points and distances of each door."""
+        scene, crowd = self._scene, self._crowd
+        rows = np.flatnonzero((crowd.level == lobby.level) & (crowd.start_time <= scene.time)).astype(np.int32)
+        rides = np.array([bool(route.lifts) for route in scene.fields.routes])
+        rows = rows[rides[crowd.route[rows]]]
+        off = [nearest_points(door.segments, crowd.position[rows])[:2] for _, _, door in lobby.cars]
+        if len(rows):
+            of = crowd.route[rows], crowd.contact_radius[rows]
+            here = scene.fields.travel_time_at(crowd.level[rows], crowd.position[rows], *of)
+            there = np.full(len(rows), np.inf)
+            for _, _, door in lobby.cars:
+                middle = np.broadcast_to(door.segments.reshape(-1, 2).mean(axis=0), (len(rows), 2))
+                np.minimum(there, scene.fields.travel_time_at(crowd.level[rows], middle, *of), out=there)
+            near = np.min([distance for _, distance in off], axis=0) < CALL
+            waits = np.isfinite(there) & (there < here + SLACK) & near
+            rows, off = rows[waits], [(nearest[waits], distance[waits]) for nearest, distance in off]
+        return rows, off
+
+    def _places(self, k: int, rows: IntArray, inside: IntArray) -> int:
+        """Return how many of some people, in their order, have room in a car besides those who are in it."""
+        own, mass = self._lifts[k].operation, self._crowd.mass
+        places = max(0, own.capacity - len(inside))
+        if own.load is not None:
+            places = min(places, int((mass[inside].sum() + np.cumsum(mass[rows]) <= own.load).sum()))
+        return places
+
+    def _let_in(self, k: int) -> None:
+        """Let in the nearest people before an open door, as many as there are places left; they are chosen anew."""
+        lift, stop = self._lifts[k], int(self.stop[k])
+        if self.phase[k] != OPEN or stop == lift.discharge:
+            return
+        crowd, lobby = self._crowd, self._lobbies[self._lobby[k, stop]]
+        rows, off = self._before(lobby)
+        for (car, at, door), (_, distance) in zip(lobby.cars, off, strict=True):
+            if (car, at) != (k, stop):
+                continue
+            own = self._on_line(k)
+            others = np.setdiff1d(np.flatnonzero((crowd.passing == door.index) & (crowd.level == lobby.level)), own)
+            crowd.passing[others] = -1
+            in_car = np.union1d(self._inside(k), own)
+            is_free = (crowd.passing[rows] < 0) & np.isin(self._called[rows], (-1, k))
+            near = np.flatnonzero((distance < REACH) & is_free)
+            new = rows[near][np.lexsort((rows[near], distance[near]))]
+            crowd.passing[new[: self._places(k, new, in_car)]] = door.index
+
+    def _call_in(self, k: int) -> None:
+        """Call the nearest people who wait before the doors of a bank to the car that has opened its doors."""
+        stop = int(self.stop[k])
+        lobby = self._lobbies[self._lobby[k, stop]]
+        if stop == self._lifts[k].discharge or len(lobby.cars) < 2:
+            return
+        rows, off = self._before(lobby)
+        distance = next(away for (car, *_), (_, away) in zip(lobby.cars, off, strict=True) if car == k)
+        is_free = self._called[rows] < 0
+        rows, distance = rows[is_free], distance[is_free]
+        rows = rows[np.lexsort((rows, distance))]
+        self._called[rows[: self._places(k, rows, self._inside(k))]] = k
+
+    def steer(self) -> None:
+        """Lead people who were called to a car to its door, and those in a car to their places; after behaviours."""
+        crowd = self._crowd
+        crowd.extra_direction[self._is_led] = 0.0
+        before, self._is_led[:] = self._spot.copy(), False
+        self._spot[:] = -1
+        for k in range(len(self._lifts)):
+            self._stand(k, before)
+            if self.phase[k] == BACK:
+                self._clear(k)
+        for k in np.unique(self._called[self._called >= 0]).tolist():
+            lobby = self._lobbies[self._lobby[k, int(self.stop[k])]]
+            rows = np.flatnonzero((self._called == k) & (crowd.level == lobby.level)).astype(np.int32)
+            door = next(door for car, _, door in lobby.cars if car == k)
+            nearest, _, outward = nearest_points(door.segments, crowd.position[rows], crowd.contact_radius[rows])
+            back = outward if door.levels[1] == lobby.level else -outward  # away from the car
+            towards = nearest - crowd.position[rows]
+            across = np.abs(towards[:, 0] * back[:, 1] - towards[:, 1] * back[:, 0])
+            towards += np.where(across > ASIDE, AHEAD, 0.0)[:, None] * back  # round the posts of another door
+            crowd.extra_direction[rows] = LEAD * towards / np.maximum(np.hypot(*towards.T), 1e-9)[:, None]
+            self._is_led[rows] = True
+
+    def _clear(self, k: int) -> None:
+        """Lead the people before the doors of a car away, so that those who step back have room."""
+        crowd = self._crowd
+        for door in (self._scene.building.portals[door] for door in self._doors(k)):
+            rows = np.flatnonzero(crowd.level == door.other(self._lifts[k].rooms[self.stop[k]])).astype(np.int32)
+            nearest, distance, _ = nearest_points(door.segments, crowd.position[rows])
+            near = distance < CLEARED
+            away = (crowd.position[rows] - nearest)[near]
+            crowd.extra_direction[rows[near]] = LEAD * away / np.maximum(distance[near], 1e-9)[:, None]
+            self._is_led[rows[near]] = True
+
+    def _stand(self, k: int, before: NDArray[np.int64]) -> None:
+        """Lead people in a car to the places that they had before or to free ones, the farthest from the door first."""
+        if self.phase[k] == OPEN and self.stop[k] == self._lifts[k].discharge:
+            return  # they get out
+        spots, rows = self._spots[k], np.union1d(self._inside(k), self._on_line(k))
+        new = rows[before[rows] < 0]
+        free = np.setdiff1d(np.arange(len(spots)), before[rows])[: len(new)]
+        self._spot[rows], self._spot[new[: len(free)]] = before[rows], free
+        rows = rows[self._spot[rows] >= 0]
+        towards = spots[self._spot[rows]] - self._crowd.position[rows]
+        off = np.maximum(np.hypot(*towards.T), 1e-9)
+        self._crowd.extra_direction[rows] = LEAD * towards / off[:, None]
+        self._crowd.speed_factor[rows] = np.clip((off - AT_REST) / BRAKES, 0.0, 1.0)
+        self._is_led[rows] = True
+
+
+def spots_in(building: Building, lift: Lift) -> FloatArray:
+    """Return the places (s, 2) [m] in a car in which people stand, at least its capacity, the farthest first."""
+    room = building.levels[lift.rooms[0]].polygon
+    lines = np.concatenate([building.portals[door].segments for own in lift.doors for door in own])
+    door = shapely.multipoints(lines.reshape(-1, 2, 2).mean(axis=1))
+    x1, y1, x2, y2 = room.bounds
+    for spacing in WIDEST * 0.95 ** np.arange(100):
+        free = room.buffer(-0.45 * spacing)
+        across, along = (max(1, int((size - 0.9 * spacing) / spacing + 1.0)) for size in (x2 - x1, y2 - y1))
+        count, middle = np.array([across, along]), 0.5 * np.array([x1 + x2, y1 + y2])
+        x, y = (at + spacing * (np.arange(n) - 0.5 * (n - 1)) for n, at in zip(count, middle, strict=True))
+        points = np.column_stack([part.ravel() for part in np.meshgrid(x, y)])
+        points = points[shapely.intersects_xy(free, *points.T)]
+        if len(points) >= lift.operation.capacity:
+            break
+    away = np.round(shapely.distance(shapely.points(points), door), 6)
+    return points[np.lexsort((*points.T, -away))]
+
+
+def lobbies_of(building: Building) -> list[Lobby]:
+    """Return the lobbies of a building: those of the lifts of a bank on each level before their doors."""
+    found: dict[tuple[str, int], list[tuple[int, int, Portal]]] = {}
+    for k, lift in enumerate(building.lifts):
+        for stop, (room, doors) in enumerate(zip(lift.rooms, lift.doors, strict=True)):
+            for door in doors:
+                portal = building.portals[door]
+                key = lift.operation.bank or lift.name, portal.other(room)
+                found.setdefault(key, []).append((k, stop, portal))
+    return [Lobby(level, tuple(cars)) for (_, level), cars in found.items()]
+
+
+def carry(scene: Scene, lift: Lift, origin: int, to: int) -> None:
+    """Move the people of a car from the room of one stop to that of another; their places in plan stay."""
+    assert scene.people is not None
+    crowd = scene.people.crowd
+    rows = np.flatnonzero(crowd.level == lift.rooms[origin]).astype(np.int32)
+    crowd.level[rows], crowd.passing[rows], crowd.ahead[rows] = lift.rooms[to], -1, 0.0
+    for link in _passed(scene.building, lift, origin, to) if len(rows) else ():
+        scene.people.log(rows, link, scene.time)
+    scene.begin_ways(rows)
+
+
+def _passed(building: Building, lift: Lift, origin: int, to: int) -> Iterable[int]:
+    """Yield the numbers of the rides from a stop to another one, in this order."""
+    of_levels = {ride.levels: building.link_of(ride) for ride in building.rides}
+    stops = range(origin, to) if origin < to else range(origin - 1, to - 1, -1)
+    yield from (of_levels[lift.rooms[stop], lift.rooms[stop + 1]] for stop in stops)

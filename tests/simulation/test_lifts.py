@@ -1,0 +1,177 @@
+"""Rides in lifts: a car is called, people walk in, ride and walk out; as many as there are places, and not one more."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from shapely import box
+
+import evac
+from evac.building.model.lifts import Motion
+from evac.simulation.lifts import CLOSING, OPEN, OPENING, RIDES
+from evac.simulation.simulation import Simulation
+from tests.runs import assert_same_bits, run_ticks
+
+
+def tower(heights=(0.0, 20.0), cars=1, stair=False, **operation):
+    """A plan with storeys s0, s1, ... and cars beside each other behind their right walls."""
+    plan = evac.Plan()
+    for k, z in enumerate(heights):
+        plan.storey(f"s{k}", box(0, 0, 10, 6), z=z)
+        if stair and k:
+            x = 1.0 + 3.2 * (k % 2)
+            lower, upper = [(x, 0), (x + 1.2, 0)], [(x + 1.3, 0), (x + 2.5, 0)]
+            plan.stair(f"stair {k}", f"s{k - 1}", lower, f"s{k}", upper, length=3.0, direction=(0, -1))
+    plan.exit("door", "s0", [(0, 2), (0, 4)])
+    for car in range(cars):
+        y = 6.0 / cars * (car + 0.5)
+        door = [(10.2, y - 0.45), (10.2, y + 0.45)]
+        own = operation if cars == 1 else operation | {"bank": "cars"}
+        plan.lift(
+            f"lift {car}",
+            [f"s{k}" for k in range(len(heights))],
+            box(10.2, y - 0.8, 11.6, y + 0.8),
+            door,
+            operation=own,
+        )
+    return plan
+
+
+def case(plan, people, model="nsm2", **changes):
+    table = {"building": plan, "people": people, "contact": {"model": model}, "behaviours": {"walking": {}}}
+    return evac.load(table | {"simulation": {"duration": 900.0}}, changes)
+
+
+def group(number, level, **more):
+    return {"name": f"from {level}", "number": number, "level": level, "lifts": "preferred"} | more
+
+
+#: Doors and motion of the shuttle whose times are stated: 40 people, 20 m, a car of 10.
+SHUTTLE = {
+    **{"speed": 2.5, "acceleration": 1.0, "jerk": 1.2, "start_delay": 0.0},
+    **{"capacity": 10, "start": "s1", "dwell": 3.0},
+}
+
+
+def watched(simulation):
+    """Run to the end; check at each tick that cars are not too full, and that nobody is where no car is."""
+    lifts = simulation.building.lifts
+    while not simulation.ended:
+        simulation.advance_tick()
+        crowd = simulation.population.crowd
+        for k, lift in enumerate(lifts):
+            inside = [np.flatnonzero(crowd.level == room) for room in lift.rooms]
+            assert all(not len(rows) for stop, rows in enumerate(inside) if stop != simulation.lifts.stop[k])
+            rows = inside[simulation.lifts.stop[k]]
+            assert len(rows) <= lift.operation.capacity
+            assert lift.operation.load is None or crowd.mass[rows].sum() <= lift.operation.load
+    return simulation
+
+
+def test_a_person_calls_the_car_rides_and_walks_out_in_the_time_of_walk_flight_and_doors():
+    person = {"name": "one", "positions": [[5.0, 3.0]], "level": "s1", "speed": 1.0, "lifts": "preferred"}
+    simulation = watched(Simulation(case(tower((0.0, 3.5)), [person])))
+    flight = Motion(3.5, 1.0, 0.8, 1.0).duration
+    times = [change.time for change in simulation.scene.changes]
+    # called, then flight with its delay, opening; walk in; dwell and closing; flight; opening
+    assert times[1] - times[0] == pytest.approx(0.5 + flight, abs=0.11)
+    assert times[2] - times[1] == pytest.approx(2.0, abs=0.11)
+    assert times[4] - times[3] == pytest.approx(3.0, abs=0.11)
+    assert times[5] - times[4] == pytest.approx(0.5 + flight, abs=0.11)
+    assert times[6] - times[5] == pytest.approx(2.0, abs=0.11)
+    assert simulation.ended == "everybody out"
+    (exit_time,) = simulation.population.crowd.exit_time
+    assert exit_time - times[6] == pytest.approx(10.0, abs=2.5)  # from the back of the car to the exit at 1 m/s
+    _, links, _ = simulation.population.crossings
+    assert [simulation.building.links[link].kind for link in links.tolist()] == ["portal", "ride", "portal"]
+
+
+@pytest.mark.parametrize("cars", [1, 2])
+def test_a_shuttle_makes_no_extra_trip_and_its_time_is_that_of_the_hand_calculation_with_measured_transfers(cars):
+    simulation = watched(Simulation(case(tower(cars=cars, **SHUTTLE), [group(40, "s1")])))
+    trips, changes = simulation.lifts.trips, simulation.scene.changes
+    assert trips[:, 4].tolist() == [10.0] * 4
+    flight = Motion(20.0, 2.5, 1.0, 1.2).duration
+    hands = []
+    for name in {change.what for change in changes}:
+        own = [(change.values["value"], change.time) for change in changes if change.what == name]
+        opened = None
+        hand = 0.0
+        for value, time in own:
+            opened = time if value[0] == "opens at" else opened
+            if value[0] == "closes at":  # the measured transfer, between open doors and the beginning of their closing
+                hand += 2.0 + (time - opened) + 3.0 + flight
+        hands.append(hand - 3.0 - flight)  # the last doors have not to close
+    last = max(change.time for change in changes if change.values["value"][0] == "closes at")
+    assert last == pytest.approx(max(hands), abs=2.0)
+
+
+def test_a_full_car_leaves_the_others_waiting_by_persons_and_by_load():
+    people = [group(9, "s1", mass=80.0)]
+    by_persons = watched(Simulation(case(tower((0.0, 4.0), capacity=4), people)))
+    assert by_persons.lifts.trips[:, 4].tolist() == [4.0, 4.0, 1.0]
+    by_load = watched(Simulation(case(tower((0.0, 4.0), load=250.0), people)))
+    assert by_load.lifts.trips[:, 4].tolist() == [3.0, 3.0, 3.0]
+    use = by_load.results().lifts[0]
+    assert (use["trips"], use["people"]) == (3, 9)
+    assert 0.0 < use["mean_wait"] < use["longest_wait"]
+
+
+def test_only_those_who_ride_get_in_and_who_cannot_use_stairs_rides():
+    wheelchairs = group(3, "s2", name="wheelchairs", steepest=0.0, lifts=None)
+    people = [group(6, "s2", lifts=""), wheelchairs, group(8, "s1", lifts="weighed")]
+    simulation = watched(Simulation(case(tower((0.0, 4.0, 8.0), stair=True), people)))
+    assert simulation.ended == "everybody out"
+    rode = {int(row) for row in simulation.lifts.rides[:, 0]}
+    names = [one.name for one in simulation.case.people]
+    of = [names[row] for row in simulation.population.crowd.group[[*rode]].tolist()]
+    assert of == ["wheelchairs"] * 3  # the others are quicker by stairs than the 30 s that one expects to wait
+
+
+@pytest.mark.parametrize("model", ["dem", "nsm2"])
+def test_a_run_resumed_while_doors_open_people_board_ride_and_get_out_has_the_same_bits(model):
+    scene = case(tower((0.0, 4.0, 9.0), cars=2, capacity=5), [group(7, "s2"), group(4, "s1")], model)
+    whole, states = Simulation(scene), []
+    while not whole.ended:
+        whole.advance_tick()
+        phases = {*whole.lifts.phase.tolist()}
+        known = {phase for _, seen in states for phase in seen}
+        if not phases <= known and (RIDES not in phases or len(whole.lifts.trips)):
+            states.append((whole.state(), phases))
+    assert {phase for _, seen in states for phase in seen} >= {OPENING, OPEN, CLOSING, RIDES}
+    for state, _ in states:
+        resumed = Simulation(scene)
+        resumed.restore(state)
+        run_ticks(resumed, 10_000)
+        assert_same_bits(whole, resumed)
+        assert whole.scene.changes == resumed.scene.changes
+        np.testing.assert_array_equal(whole.lifts.rides, resumed.lifts.rides)
+
+
+def test_a_recorded_run_has_its_lifts_and_the_heights_of_people_who_ride(tmp_path):
+    scene = case(tower((0.0, 8.0), capacity=5, speed=2.0), [group(5, "s1")], **{"output.every": 0.2})
+    results = evac.run(scene, tmp_path / "r", progress=False)
+    read = evac.read_results(tmp_path / "r")
+    assert read.lifts == results.lifts
+    assert read.lifts[0]["people"] == 5
+    for one, other in zip(read.crossings, results.crossings, strict=True):
+        np.testing.assert_array_equal(one, other)
+    trajectory = read.trajectory
+    assert trajectory.building.lifts == results.building.lifts
+    z = trajectory.z
+    inside = ~np.isnan(z)
+    assert ((z[inside] >= -1e-9) & (z[inside] <= 8.0 + 1e-9)).all()
+    between = (z > 0.5) & (z < 7.5)
+    assert (between.sum(axis=0) > 8).all()  # everybody has been on the way
+    speed = np.abs(np.diff(z, axis=0)) / 0.2
+    assert np.nanmax(speed) <= 2.0 + 0.1
+
+
+def test_a_building_without_lifts_imports_nothing_of_them():
+    code = (
+        "import sys; from evac.case.loading import load_case; from evac.simulation.simulation import Simulation;"
+        "s = Simulation(load_case('square_room')); s.advance_tick(); assert s.lifts is None;"
+        "assert not [name for name in sys.modules if name.endswith('.lifts')]"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
