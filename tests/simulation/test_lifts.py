@@ -89,7 +89,7 @@ def test_a_person_calls_the_car_rides_and_walks_out_in_the_time_of_walk_flight_a
 
 @pytest.mark.parametrize("cars", [1, 2])
 def test_a_shuttle_makes_no_extra_trip_and_its_time_is_that_of_the_hand_calculation_with_measured_transfers(cars):
-    simulation = watched(Simulation(case(tower(cars=cars, **SHUTTLE), [group(40, "s1")])))
+    simulation = watched(Simulation(case(tower(cars=cars, **SHUTTLE), [group(40, "s1")], "nsm1")))
     trips, changes = simulation.lifts.trips, simulation.scene.changes
     assert trips[:, 4].tolist() == [10.0] * 4
     flight = Motion(20.0, 2.5, 1.0, 1.2).duration
@@ -131,7 +131,7 @@ def test_only_those_who_ride_get_in_and_who_cannot_use_stairs_rides():
 
 @pytest.mark.parametrize("model", ["dem", "nsm2"])
 def test_a_run_resumed_while_doors_open_people_board_ride_and_get_out_has_the_same_bits(model):
-    scene = case(tower((0.0, 4.0, 9.0), cars=2, capacity=5), [group(7, "s2"), group(4, "s1")], model)
+    scene = case(tower((0.0, 4.0), cars=2, capacity=3, start="s1"), [group(5, "s1")], model)
     whole, states = Simulation(scene), []
     while not whole.ended:
         whole.advance_tick()

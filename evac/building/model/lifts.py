@@ -191,7 +191,8 @@ def risen(building: Building, changes: Iterable[Change], time: float) -> FloatAr
     off: FloatArray = np.zeros(len(building.levels))
     lifts = {lift.name: lift for lift in building.lifts}
     for change in changes:
-        if change.kind != LIFT or change.time > time or change.values["value"][0] not in (LEAVES, ARRIVES):
+        # what is recorded at a time is the state before the changes at it
+        if change.kind != LIFT or change.time >= time or change.values["value"][0] not in (LEAVES, ARRIVES):
             continue
         lift = lifts[change.what]
         what, *storeys = change.values["value"]
