@@ -68,6 +68,24 @@ class Moving(Table):
         return f"{where} at {self.speed:g} m/s"
 
 
+class LiftOptions(Table):
+    """`[building.lifts.NAME]`, and `operation` of a lift of a plan: how its car moves, and whom it carries."""
+
+    capacity: Whole = key("greatest number of people in the car", "", 13, ge=1, le=1000)
+    load: Real | None = key("greatest mass of the people in the car; if not given, any", "kg", None, gt=0, le=1e5)
+    speed: Real = key("rated speed", "m/s", 1.0, gt=0, le=20)
+    acceleration: Real = key("greatest acceleration", "m/s2", 0.8, gt=0, le=3)
+    jerk: Real = key("greatest jerk", "m/s3", 1.0, gt=0, le=5)
+    start_delay: Real = key("time from closed doors to the start", "s", 0.5, ge=0, le=60)
+    opening: Real = key("time in which the doors open", "s", 2.0, ge=0, le=60)
+    closing: Real = key("time in which the doors close", "s", 3.0, ge=0, le=60)
+    dwell: Real = key("time after the last person has come in, after which the doors close", "s", 5.0, ge=0, le=600)
+    discharge: str | None = key("storey at which people get out; if not given, the lowest", "", None)
+    start: str | None = key("storey at which the car is at first; if not given, that of `discharge`", "", None)
+    bank: str | None = key("lifts with the same name here serve their lobbies together", "", None)
+    wait: Real = key("wait that people expect before they are taken in", "s", 30.0, ge=0, le=3600)
+
+
 #: What the value of each kind of change may be.
 REMEDIES = {
     "open": "no value",

@@ -5,9 +5,9 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
-from evac.base.change import Control, Moving
+from evac.base.change import Control, LiftOptions, Moving
 from evac.base.defaults import HEADROOM, LEAST_LENGTH, WELD
-from evac.base.keys import Coordinate, Name, Point, Real, Switch, Table, Whole, key, wrong
+from evac.base.keys import Coordinate, Name, Point, Real, Switch, Table, key, wrong
 
 #: Greatest number of exits, of areas and of obstacles, and of groups of people.
 MOST_ITEMS = 10_000
@@ -54,24 +54,6 @@ class Outline(Placed):
 #: Greatest slope of ramps, as rise over run: 1 in 8, that of existing ramps in NFPA 101. People walk on them at their
 #: speed on the level, as the SFPE Handbook (5th edition, 2016, table 59.2) has one k for corridors, ramps and doors.
 RAMP = 1.0 / 8.0
-
-
-class LiftOptions(Table):
-    """`[building.lifts.NAME]`, and `operation` of a lift of a plan: how its car moves, and whom it carries."""
-
-    capacity: Whole = key("greatest number of people in the car", "", 13, ge=1, le=1000)
-    load: Real | None = key("greatest mass of the people in the car; if not given, any", "kg", None, gt=0, le=1e5)
-    speed: Real = key("rated speed", "m/s", 1.0, gt=0, le=20)
-    acceleration: Real = key("greatest acceleration", "m/s2", 0.8, gt=0, le=3)
-    jerk: Real = key("greatest jerk", "m/s3", 1.0, gt=0, le=5)
-    start_delay: Real = key("time from closed doors to the start", "s", 0.5, ge=0, le=60)
-    opening: Real = key("time in which the doors open", "s", 2.0, ge=0, le=60)
-    closing: Real = key("time in which the doors close", "s", 3.0, ge=0, le=60)
-    dwell: Real = key("time after the last person has come in, after which the doors close", "s", 5.0, ge=0, le=600)
-    discharge: str | None = key("storey at which people get out; if not given, the lowest", "", None)
-    start: str | None = key("storey at which the car is at first; if not given, that of `discharge`", "", None)
-    bank: str | None = key("lifts with the same name here serve their lobbies together", "", None)
-    wait: Real = key("wait that people expect before they are taken in", "s", 30.0, ge=0, le=3600)
 
 
 class SurfaceOptions(Table):

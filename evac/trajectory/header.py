@@ -10,10 +10,9 @@ from shapely.geometry import mapping, shape
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.base.change import Control
+from evac.base.change import Control, LiftOptions
 from evac.building.model.building import Area, Building, Door, Exit, Level, Place, Portal
 from evac.building.model.findings import as_findings
-from evac.building.options import LiftOptions
 
 FORMAT = 4
 

@@ -9,11 +9,10 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.base.change import ARRIVES, LEAVES, LIFT, Change
+from evac.base.change import ARRIVES, LEAVES, LIFT, Change, LiftOptions
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building, Jump
-from evac.building.options import LiftOptions
 
 #: Distance of the place at the back of a car to which people walk from its walls, in a car that is wide enough [m].
 OFF_WALLS = 0.25

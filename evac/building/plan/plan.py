@@ -9,11 +9,10 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.base.change import Control
+from evac.base.change import Control, LiftOptions
 from evac.base.defaults import DOOR_REACH, FARTHEST, HEADROOM
 from evac.base.errors import BuildingError, counted
 from evac.building.model.findings import Finding, findings_of
-from evac.building.options import LiftOptions
 from evac.building.plan.outlines import Shape, inclined_of, is_point, naming_part, outline_of, polygons_of, segment_of
 
 if TYPE_CHECKING:
@@ -592,7 +591,7 @@ class Plan:
             On the outline of the car, at most 0.6 m from the floor before it. Of several segments, as a list, each is a
             door on the storeys that have floor before it.
         operation : mapping
-            How it works, such as ``{"speed": 2.5, "capacity": 13}``: the keys of `evac.building.options.LiftOptions`.
+            How it works, such as ``{"speed": 2.5, "capacity": 13}``: the keys of `evac.base.change.LiftOptions`.
         """
         what = f"lift {name!r}"
         self._check_new("lifts", name, [lift.name for lift in self.lifts])

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
-from evac.base.change import Control
+from evac.base.change import Control, LiftOptions
 from evac.base.errors import BuildingError
 from evac.building.geometry import least_height, plan_area
 from evac.building.model.findings import Finding, refusal
-from evac.building.options import LiftOptions, SurfaceOptions
+from evac.building.options import SurfaceOptions
 from evac.building.surface.foreign import walked_surface
 from evac.building.surface.resolution import check_extent, check_resolution, doubted_axis
 from evac.building.surface.surfacemesh import TriangleMesh

@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
-from evac.base.change import Control
+from evac.base.change import Control, LiftOptions
 from evac.base.errors import BuildingError, PluginError
 from evac.building.geometry import GRID, points_on, rounded, triangulate
 from evac.building.model.findings import Finding, as_findings, repaired, with_repaired_names
-from evac.building.options import LiftOptions
 
 #: Kinds of tag on surfaces and on edges.
 SURFACE_TAGS = ("floor", "stair", "area", "obstacle")
