@@ -235,7 +235,7 @@ class Table {
 
   // A copy of a row a metre aside.
   duplicate(ref) {
-    const row = this.row(ref), copy = moved(row, (corner) => plus(corner, [1, 1]));
+    const row = this.row(ref), copy = { ...moved(row, (corner) => plus(corner, [1, 1])) };
     if (isTie(row.segment) && row.segment.at !== undefined) copy.segment = { ...row.segment, at: mm(row.segment.at + 1) };
     return this.add(ref.section, { ...copy, name: this.unique(ref.section, row.name) });
   }
