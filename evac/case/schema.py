@@ -285,7 +285,7 @@ class GroupSettings(PeopleSettings):
     leave: Switch = key("whether they leave; otherwise they stay where they are and are counted separately", "", True)
     z: Coordinate | None = key("height of the level of `positions`; this or `level`", "m", None)
     level: str | None = key(
-        "name of the level of `positions`; without positions, name of the level on which they start at random places",
+        "name of the level of `positions`, or of the level, stair or shaft on which they start at random places",
         "",
         None,
     )

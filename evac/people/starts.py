@@ -52,8 +52,7 @@ def rooms_of(source: str, people: "GroupSettings", building: Building) -> list[t
             known = did_you_mean(people.use, sorted({area.use for area in building.areas if area.use}))
             raise ScenarioError(f"{source}: people.{people.name}.use: no room has the use {people.use!r}; {known}")
     else:
-        area = building.area_named(people.area or people.level or "")
-        rooms = [] if area is None else [area]
+        rooms = building.parts_named(people.area or people.level or "")
     return [(area, held_by(area, people.density)) for area in rooms]
 
 

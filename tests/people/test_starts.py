@@ -71,6 +71,16 @@ def test_a_case_may_name_the_enclosure_of_a_stair_and_people_who_stay_need_no_wa
     assert stand_on(started(house(), {"level": "first", "number": 330, "leave": False}), [CLOSET]).any()
 
 
+def test_a_case_may_name_a_stair_with_all_its_pieces():
+    plan = evac.Plan()
+    plan.storey("low", shapely.box(0, 0, 9, 8))
+    plan.storey("high", shapely.box(0, 0, 9, 8), z=3.0)
+    plan.stair("up", "low", [(2, 2), (3.2, 2)], "high", length=3.0, direction=(0, 1), turn="right")
+    plan.exit("out", "low", [(0, 1), (0, 2)])
+    simulation = started(plan, {"level": "up", "number": 8})
+    assert {*simulation.population.crowd.level.tolist()} == {*simulation.building.stairs["up"]}
+
+
 def test_people_wait_where_an_event_opens_a_way_later():
     plan = house()
     event = [{"time": 5.0, "kind": "open", "target": "side"}]

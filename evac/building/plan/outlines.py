@@ -232,11 +232,6 @@ def covered(pieces: FloatArray, ends: FloatArray) -> float:
     return float(np.hypot(*(ends[1] - ends[0])) - gaps_along(pieces, ends).sum())
 
 
-def strip(polygon: BaseGeometry, ends: FloatArray, way: FloatArray, reach: float) -> Strip | None:
-    """Return the strip of ground between a segment and a floor in one direction; see `strips`."""
-    return strips(polygon, ends, way[None], reach)[0]
-
-
 def strips(
     polygons: BaseGeometry | NDArray[np.object_], ends: FloatArray, ways: FloatArray, reach: float | FloatArray
 ) -> tuple[Strip | None, ...]:

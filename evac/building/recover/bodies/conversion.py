@@ -14,7 +14,7 @@ from evac.base.defaults import HEADROOM
 from evac.base.errors import BuildingError
 from evac.building.geometry import common, cut, flat_parts, place_of, united
 from evac.building.model.findings import Finding, and_more, grouped, numbered
-from evac.building.plan.outlines import normal, strip
+from evac.building.plan.outlines import normal, strips
 from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import MILLIMETRE, NOTCH, Body, closed, snapped, without_slivers
 from evac.building.recover.bodies.flights import FoundStair, meeting, stairs_of
@@ -61,8 +61,8 @@ class Doorway:
     @property
     def ground(self) -> BaseGeometry:
         """The ground between the door and the rooms beside it."""
-        ways = (normal(self.segment), -normal(self.segment))
-        sides = [strip(self.floor.ground, self.segment, way, self.reach) for way in ways]
+        ways = np.outer([1.0, -1.0], normal(self.segment))
+        sides = strips(self.floor.ground, self.segment, ways, self.reach)
         return united([side.polygon for side in sides if side is not None and not side.polygon.is_empty])
 
 
@@ -171,8 +171,8 @@ def _fit(body: Body, floor: Floor, hull: BaseGeometry) -> Doorway | None:
             if end - start - 2 * less < NARROWEST:
                 continue
             segment = np.round(np.array([ends[0] + (start + less) * along, ends[0] + (end - less) * along]), 3)
-            ways = (normal(segment), -normal(segment))
-            rooms = [strip(floor.ground, segment, way, reach) is not None for way in ways]
+            ways = np.outer([1.0, -1.0], normal(segment))
+            rooms = [side is not None for side in strips(floor.ground, segment, ways, reach)]
             if any(rooms) and (best is None or sum(rooms) > best.sides):
                 behind = [
                     shapely.Point(segment.mean(axis=0) + (reach + BEYOND) * way)

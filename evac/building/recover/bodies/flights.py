@@ -14,7 +14,7 @@ from evac.base.errors import BuildingError
 from evac.building.geometry import common, connected_components, cut, place_of, united
 from evac.building.model.findings import Finding
 from evac.building.plan import stairs
-from evac.building.plan.outlines import normal, strip
+from evac.building.plan.outlines import normal, strips
 from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import NOTCH, Body, closed, snapped
 from evac.building.recover.bodies.floors import Floor
@@ -359,9 +359,8 @@ def _fitted(flight: Flight) -> Flight:
 def _strip(end: End, flight: Flight, landings: Sequence[Landing]) -> BaseGeometry | None:
     """Return the ground between an end of a flight and its floor or landing; None if they are too far apart."""
     ground = end.floor.ground if end.floor is not None else landings[end.landing or 0].plan
-    landing = strip(
-        cut(ground, flight.near(end.z)), end.edge, flight.away(end), FAR if end.floor is not None else BESIDE
-    )
+    reach = FAR if end.floor is not None else BESIDE
+    (landing,) = strips(cut(ground, flight.near(end.z)), end.edge, flight.away(end)[None], reach)
     return None if landing is None else landing.polygon
 
 
