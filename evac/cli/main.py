@@ -108,15 +108,10 @@ def _status_of(error: BaseException) -> int:
 
 
 def start_fast() -> None:
-    """Reduce the start-up and exit time of short commands.
-
-    Imported packages create hundreds of thousands of objects that live until the end, so garbage is collected less
-    often and not at the exit. Linear algebra is used for small matrices only, so numpy's threads for it are not
-    started unless the environment requests them.
-    """
+    """Collect garbage less often and not at the exit, because most objects live until the end, and start no threads."""
     gc.set_threshold(GARBAGE_EVERY)
     atexit.register(gc.freeze)
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small
 
 
 def use_shipped_settings() -> None:

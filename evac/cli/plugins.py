@@ -73,10 +73,7 @@ def execute_plugins(arguments: argparse.Namespace) -> int:
 
 
 def _check(file: str, others: list[str], case_name: str | None = None) -> int:
-    """Check all plugins in a file and print a line for each; return 0, or 2 if a check has failed.
-
-    Files given with --plugin are registered first, so that names that they take are refused.
-    """
+    """Check all plugins in a file, after those given with --plugin; print a line for each; return 0, or 2 if one fails."""
     from evac.base.errors import EvacError
     from evac.case.loading import load_case
     from evac.case.trust import run_plugin_files

@@ -150,10 +150,7 @@ def execute_resume(arguments: argparse.Namespace) -> int:
 def run_shown(
     simulation: "Simulation", place: "ResultFolder", display: Display, checkpoint: float | None
 ) -> "tuple[Results, int]":
-    """Show the warnings before a run, run it with a display, and write its results; return them with the exit status.
-
-    The status is 0 if everybody is out, 3 if people are left, and 128 + the number of the signal that stopped the run.
-    """
+    """Show warnings, run with a display, and write the results; return them with the status (see EPILOG of main.py)."""
     from evac.base.interrupt import Interrupt
     from evac.results.ending import INTERRUPTED
     from evac.simulation.running import run_into
@@ -207,10 +204,7 @@ MOST_LINES = 12
 
 
 def show_answer(results: "Results", below: int = 1) -> None:
-    """Show what the run answers, in `MOST_LINES` with as many as are shown `below`.
-
-    The verdict, who is out and the times are in full; of the others, as many as have room, a line each.
-    """
+    """Show verdict, who is out and the times, and as many other lines as `MOST_LINES` has room for, less `below`."""
     answer, title = results.answer, results.title or Path(results.source).name
     told = [str(change) for change in results.changes if change.kind != LIFT]
     changes = f"Changes: {', '.join(told)}" if told else ""

@@ -178,10 +178,7 @@ def study_of(case: "Case", runs: int, folder: Path, maps: bool) -> "Study":
 
 
 def prepare(case: "Case") -> None:
-    """Compile missing kernels, show warnings, and keep building and directions for the runs.
-
-    If the first run is refused, the study tells why.
-    """
+    """Compile missing kernels, show warnings, and keep building and directions; the study tells if a run is refused."""
     from evac.base.errors import EvacError
     from evac.simulation.shared import simulation_of
 
