@@ -14,7 +14,7 @@ from sphinx.errors import ExtensionError
 import evac
 
 sys.path.insert(0, str(Path(__file__).parent))
-filled = importlib.import_module("tables").filled
+tables = importlib.import_module("tables")
 
 project = "evac"
 author = "the evac developers"
@@ -79,7 +79,16 @@ def _give_captions_a_level(app, page, template, context, doctree):
 
 def _fill(app, name, source):
     """Put the tables that the code knows in the places of their marks."""
-    source[0] = filled(source[0])
+    source[0] = tables.filled(source[0])
+
+
+def _with_tables(app, environment, *changes):
+    """Return the pages with tables, which change with the code."""
+    return {
+        name
+        for name in environment.found_docs
+        if tables.MARK.search(Path(environment.doc2path(name)).read_text("utf-8"))
+    }
 
 
 def _write_replay(app, exception):
@@ -98,5 +107,6 @@ def setup(app):
         (lambda translator, node: _formula(translator, node, "block"), None),
     )
     app.connect("source-read", _fill)
+    app.connect("env-get-outdated", _with_tables)
     app.connect("html-page-context", _give_captions_a_level, priority=600)  # after the theme
     app.connect("build-finished", _write_replay)

@@ -73,7 +73,7 @@ def execute_plugins(arguments: argparse.Namespace) -> int:
 
 
 def _check(file: str, others: list[str], case_name: str | None = None) -> int:
-    """Check all plugins in a file, after those given with --plugin; print a line for each; return 0, or 2 if one fails."""
+    """Check all plugins in a file, after those of --plugin; print a line for each; return 0, or 2 if one fails."""
     from evac.base.errors import EvacError
     from evac.case.loading import load_case
     from evac.case.trust import run_plugin_files
