@@ -21,6 +21,12 @@ def read_only(values: NDArray[Any]) -> NDArray[Any]:
     return view
 
 
+def pairs_of(values: FloatArray) -> NDArray[np.complex128]:
+    """Return a view (n,) of pairs (n, 2), which NumPy copies ten times faster where each is one number."""
+    pairs: NDArray[np.complex128] = values.view(np.complex128)[:, 0]
+    return pairs
+
+
 def as_floats(values: Any) -> FloatArray:
     """Return what a plugin has returned as float64; NumPy would drop the imaginary part of complex numbers."""
     if np.iscomplexobj(values):

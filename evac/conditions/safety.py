@@ -167,6 +167,7 @@ class Safety(Saved):
             np.array([[level in levels for level in numbers] for levels in of], np.bool_)
             for of in ([one.levels for one in self.compartments], [one.stairs for one in self.compartments])
         )
+        self._has_areas, self._places = any(one.areas for one in self.compartments), b""
         self._everybody = np.array([[one.everybody] for one in self.compartments])
         self._check_quantities()
         self._make_cells(building)
@@ -302,22 +303,31 @@ class Safety(Saved):
     def look(self, time: float, arrived: BoolArray, doses: FloatArray | None) -> None:
         """Look at the people at a time [s], with those who are at a safe place (n,) and the doses (2, n) of all."""
         crowd, inside = self._crowd, np.flatnonzero(self._crowd.level >= 0)
-        level, position = crowd.level[inside], crowd.position[inside]
-        present, here, is_new = np.zeros(self.left.shape, np.bool_), self._on[:, level], ~self._seen[inside]
+        level, position = crowd.level[inside], crowd.position.take(inside, 0)
+        places = b"" if self._has_areas else crowd.level.tobytes() + arrived.tobytes()
+        if self._has_areas or places != self._places:
+            self._look_who_left(time, inside, level, position, arrived)
+        self._places = places
+        number = self._field.at(level, position)
+        known = np.flatnonzero(~np.isnan(number))
+        if len(known):
+            self._add_margins(time, inside[known], number[known].astype(np.intp), doses)
+
+    def _look_who_left(
+        self, time: float, inside: IndexArray, level: IntArray, position: FloatArray, arrived: BoolArray
+    ) -> None:
+        """Look who of the people inside, at places on levels, has come into compartments and left them."""
+        present, here, is_new = np.zeros(self.left.shape, np.bool_), self._on.take(level, 1), ~self._seen[inside]
         for own, one in zip(here, self.compartments, strict=True):
             for area in one.areas:
                 rows = np.flatnonzero(level == area.level)
                 own[rows] |= shapely.intersects_xy(area.polygon, *position[rows].T)
         self._belongs[:, inside] |= here & (is_new | self._everybody)
-        present[:, inside] = here & (self._belongs[:, inside] | self._on_stairs[:, level])
+        present[:, inside] = here & (self._belongs[:, inside] | self._on_stairs.take(level, 1))
         self._seen[inside] = True
         present &= self._leaves & ~arrived
         self.left[present] = np.inf
         self.left[~present & np.isinf(self.left)] = time
-        number = self._field.at(level, position)
-        known = np.flatnonzero(~np.isnan(number))
-        if len(known):
-            self._add_margins(time, inside[known], number[known].astype(np.intp), doses)
 
     def _add_margins(self, time: float, rows: IndexArray, cells: IndexArray, doses: FloatArray | None) -> None:
         """Add the margins of people (rows) in cells at a time [s]."""
@@ -334,7 +344,7 @@ class Safety(Saved):
         margin = when - time
         less = margin < self.least[rows]
         self.least[rows[less]], self.least_at[rows[less]] = margin[less], time
-        of_compartments = np.where(self._areas[:, cells] > 0.0, margin, np.inf)
+        of_compartments = np.where(self._areas.take(cells, 1) > 0.0, margin, np.inf)
         who = of_compartments.argmin(axis=1)
         least = of_compartments[np.arange(len(who)), who]
         for k in np.flatnonzero(least < self._of_compartments[:, 0]).tolist():

@@ -39,11 +39,19 @@ class LocalWays(Saved):
     Attributes
     ----------
     fields : Fields
-        With directions of their own, which `update` changes in place.
+        With directions of their own, which `update` changes in place. The columns of `first` are those of all runs
+        with this building before there is a crowd, made by the first run that needs them.
     """
 
-    def __init__(self, fields: Fields, clear: Fields, settings: Settings, before: "LocalWays | None" = None) -> None:
-        self.fields, self._clear, self._settings = fields, clear, settings
+    def __init__(
+        self,
+        fields: Fields,
+        clear: Fields,
+        settings: Settings,
+        before: "LocalWays | None" = None,
+        first: dict[int, RouteField] | None = None,
+    ) -> None:
+        self.fields, self._clear, self._settings, self._first = fields, clear, settings, first
         self._grids = fields.grids[0].grids
         self._kernels = Kernels(self._grids, fields.packed, settings.width)
         self._floors = {level.index for level in self._grids.building.levels if level.kind == "floor"}
@@ -104,15 +112,20 @@ class LocalWays(Saved):
 
     def _made(self, number: int) -> RouteField:
         """Return the column of this number, with the next link of each node."""
-        packed, routes = self.fields.packed, len(self.fields.routes)
+        packed, routes, grids = self.fields.packed, len(self.fields.routes), self._grids
+        first = self._first if self._smoke is None else None
+        if first is not None and number in first:
+            self._columns[number] = first[number].copy(packed.travel_time, packed.direction)
+            return self._columns[number]
         lower = self._columns.get(number - routes)
-        grids = self._grids
         base = self._clear if self._smoke is None else self.fields
         column = RouteField(base, packed.travel_time, packed.direction, number, Gates(grids), 0.0, lower)
         if self._smoke is not None:
             for level in range(len(grids.levels)):
                 column.take_smoke(level, self._smoke)
         column.keep_links()
+        if first is not None:
+            first[number] = column.copy(base.packed.travel_time, base.packed.direction)
         self._columns[number] = column
         return column
 

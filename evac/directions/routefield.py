@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Set
-from typing import Any
+from copy import copy as shallow_copy
+from typing import Any, Self
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from evac.base.arrays import BoolArray, FloatArray, IndexArray
+from evac.base.arrays import BoolArray, FloatArray, IndexArray, pairs_of
 from evac.base.saved import Bounds, Saved, taken
 from evac.building.model.building import FLAT, Area, Exit
 from evac.directions.descent import Ways, descend
@@ -30,6 +31,9 @@ from evac.directions.raster.strips import chain
 
 #: A level is solved again if the slowness has changed on it by more than this share of what the crowd adds to it.
 NOTICED = 0.1
+
+#: Arrays of the waves that marches and speeds change.
+_CHANGED = ("factor", "state", "time", "exit", "gate", "walk", "former", "before", "leans", "heap", "key", "place")
 
 
 class RouteField(Saved):
@@ -96,6 +100,14 @@ class RouteField(Saved):
         self._resting: set[int] = set()  # levels all of whose nodes are left out
         self.is_local = False
         self._march(set(self._places), set(self._places))
+
+    def copy(self, travel_time: FloatArray, direction: FloatArray) -> Self:
+        """Return this column as it is now, to be written to other travel times (nodes,) and directions (nodes, 2)."""
+        other, waves = shallow_copy(self), self.waves
+        other._travel_time, other._all_directions = travel_time, direction
+        other.waves = waves.replace(**{name: getattr(waves, name).copy() for name in _CHANGED})
+        other.speed, other._wanted, other._direction = self.speed.copy(), self._wanted.copy(), self._direction.copy()
+        return other
 
     def keep_links(self) -> None:
         """Keep the next link on the way from each node, so that people go round a crowd only on the way to it.
@@ -385,7 +397,7 @@ class RouteField(Saved):
                 cost[halo[is_known]] = waves.time[source[is_known]]
                 descend(cost.reshape(shape), chosen.reshape(shape), waves.spacing, self._direction[grid.packed])
             lead_through_doors(grid, cost.reshape(shape), self._direction[grid.packed])
-        pairs = self._direction.view(np.complex128)[:, 0]  # which numpy copies faster than rows of two numbers
+        pairs = pairs_of(self._direction)
         for level in touched:
             grid, place = grids.levels[level], self._places[level]
             to, from_ = self._fills[level]

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray, IntArray
+from evac.base.arrays import FloatArray, IntArray, pairs_of
 from evac.base.saved import FINITE, Bounds, Saved
 from evac.building.model.building import FLAT, Building
 from evac.jit import Floats, Ints, Pairs, Struct
@@ -84,14 +84,14 @@ class PeopleOutside(Saved):
         """Move people outside along their directions, at their flat speeds times a factor of each person."""
         if not len(rows):
             return
-        outside, tau, direction = self.arrays, self._crowd.tau[rows], self.arrays.direction[rows]
-        speed = np.einsum("nk,nk->n", outside.velocity[rows], direction)
-        desired = self._crowd.speed[rows, FLAT] * factor[rows]
+        outside, tau, direction = self.arrays, self._crowd.tau[rows], self.arrays.direction.take(rows, 0)
+        speed = np.einsum("nk,nk->n", outside.velocity.take(rows, 0), direction)
+        desired = self._crowd.speed[:, FLAT].take(rows) * factor[rows]
         share = -np.expm1(-seconds / tau)
         path = desired * seconds + (speed - desired) * tau * share
         outside.depth[rows] += path
-        outside.position[rows] += path[:, None] * direction
-        outside.velocity[rows] = (speed + share * (desired - speed))[:, None] * direction
+        pairs_of(outside.position)[rows] += pairs_of(path[:, None] * direction)
+        pairs_of(outside.velocity)[rows] = pairs_of((speed + share * (desired - speed))[:, None] * direction)
 
     def _add(self, left: IntArray) -> None:
         """Put people who left on the line of their exit, with the part of their velocity that is normal to it."""

@@ -100,27 +100,30 @@ class Population(Saved):
         self.staying = np.zeros(0, np.int32) if staying is None else staying
         self._building, self._n_portals, self._routes = building, len(building.portals), routes
         self._log: list[tuple[IntArray, IntArray, FloatArray]] = []
-        self.is_read_only = False
+        self._computed = [array for name, array in crowd.values().items() if name not in HEEDED]
+        self.is_read_only = self._is_writable = False
         self.reserve: BoolArray = np.zeros(len(crowd.level), np.bool_)
         self._reserves = {source.name: source for source in self.sources if np.isinf(source.due).any()}
         for source in self._reserves.values():
             self.reserve[source.rows] = True
 
-    def lock(self) -> None:
-        """Make the arrays read-only that are computed again, or belong to the contact model, whoever writes them."""
-        for name, array in self.crowd.values().items():
-            array.flags.writeable = name in HEEDED
-
     @contextmanager
     def writable(self) -> Iterator[None]:
-        """Let the arrays be written by their owners, unless recorders read them."""
-        locked = [array for array in self.crowd.values().values() if not (array.flags.writeable or self.is_read_only)]
-        for array in locked:
+        """Let the arrays be written by their owners, unless recorders read them; afterwards they are read-only.
+
+        Others may write those of `HEEDED` at any time.
+        """
+        if self.is_read_only or self._is_writable:
+            yield
+            return
+        self._is_writable = True
+        for array in self._computed:
             array.flags.writeable = True
         try:
             yield
         finally:
-            for array in locked:
+            self._is_writable = False
+            for array in self._computed:
                 array.flags.writeable = False
 
     def add(self, building: Building, group: str, time: float, place: tuple[float, float] | None) -> int:

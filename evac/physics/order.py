@@ -6,7 +6,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray, IntArray
+from evac.base.arrays import FloatArray, IntArray, pairs_of
 from evac.directions.fields import columns_of
 from evac.directions.sampling import sample_travel_times
 from evac.physics.state import Bodies, Crowd, State, World
@@ -34,7 +34,7 @@ def rows_by_travel_time(world: World, crowd: Crowd) -> NDArray[np.int64]:
     rows = np.flatnonzero(crowd.level >= 0)
     travel_time = np.empty(len(rows))
     column = columns_of(world.fields, crowd.route[rows], crowd.contact_radius[rows])
-    sample_travel_times(world.fields, crowd.position[rows], crowd.level[rows], column, travel_time)
+    sample_travel_times(world.fields, crowd.position.take(rows, 0), crowd.level[rows], column, travel_time)
     return rows[np.argsort(travel_time, kind="stable")]
 
 
@@ -79,6 +79,6 @@ def scatter(crowd: Crowd, bodies: Bodies) -> None:
     """Copy the results of the steps back to the crowd."""
     rows = bodies.row[: bodies.inside].astype(np.intp)
     for written, source in zip(_written(crowd), _written(bodies), strict=True):
-        if source.ndim == 2:  # pairs, which numpy assigns ten times faster where each is one number
-            written, source = written.view(np.complex128)[:, 0], source.view(np.complex128)[:, 0]
+        if source.ndim == 2:
+            written, source = pairs_of(written), pairs_of(source)
         written[rows] = source[: bodies.inside]

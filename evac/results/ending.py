@@ -124,7 +124,7 @@ class Ending(Saved):
             return False
         place = crowd.route[inside], inside
         remaining = fields.travel_time_at(
-            crowd.level[inside], crowd.position[inside], crowd.route[inside], crowd.contact_radius[inside]
+            crowd.level[inside], crowd.position.take(inside, 0), crowd.route[inside], crowd.contact_radius[inside]
         )
         waits = crowd.start_time[inside] > time
         with np.errstate(invalid="ignore"):  # inf - inf where no exit can be reached: no gain

@@ -128,7 +128,7 @@ def densities(crowd: Crowd, limit: float = 0.0) -> FloatArray:
     wide as the radius of the disc, so that it lies in nine of them.
     """
     density, inside = np.zeros(len(crowd.level)), np.flatnonzero(crowd.level >= 0)
-    place, radius = crowd.position[inside], math.sqrt(1.0 / math.pi)
+    place, radius = crowd.position.take(inside, 0), math.sqrt(1.0 / math.pi)
     if len(inside) <= limit:
         return density
     column, row = np.floor((place - place.min(axis=0)) / radius).astype(np.int64).T + 1
@@ -141,7 +141,7 @@ def densities(crowd: Crowd, limit: float = 0.0) -> FloatArray:
     number, end = (after - first)[:, counted].ravel(), after[:, counted].ravel()
     middle = np.repeat(np.tile(counted, 3), number)
     other = order[np.arange(len(middle)) + np.repeat(end - np.cumsum(number), number)]
-    near = np.hypot(*(place[middle] - place[other]).T) <= radius
+    near = np.hypot(*(place.take(middle, 0) - place.take(other, 0)).T) <= radius
     density[inside] = np.bincount(middle[near], minlength=len(inside))
     return density
 

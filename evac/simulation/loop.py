@@ -80,7 +80,6 @@ class Loop:
                         simulation.phases.turn_to(phase)
                     operation.act()
         velocity.flags.writeable = False
-        simulation.population.lock()
 
     def _change(self) -> None:
         """Apply events and other changes of the scene, and let in those whose arrival time has come."""

@@ -22,6 +22,7 @@ from evac.directions.fields import Fields
 from evac.directions.local import STRATEGIES as LOCAL_STRATEGIES
 from evac.directions.local import LocalWays
 from evac.directions.quickest import Quickest, Settings
+from evac.directions.routefield import RouteField
 from evac.directions.routes import QUICKEST, Route
 from evac.directions.smoky import Smoky
 from evac.people.places import Places
@@ -36,12 +37,13 @@ from evac.simulation.timetable import AT_ONCE, KINDS, check
 OUTSIDE, FROM_BEFORE, ENTERED = 0, 1, 2
 
 
-@dataclass(frozen=True)
+@dataclass
 class SharedScene:
-    """The initial building and directions, which runs can share: independent of the seed and never changed."""
+    """The initial building and directions, which runs can share: independent of the seed."""
 
     building: Building
     fields: Fields  # directions of the building
+    columns: dict[int, RouteField] | None = None  # of ways round the crowd, if many runs share them
 
     @cached_property
     def world(self) -> World:
@@ -106,7 +108,7 @@ class Scene(Saved):
         settings: Settings | None = None,
         keeps_distances: bool = False,
     ) -> None:
-        self.building = shared_scene.building
+        self.building, self.shared_scene = shared_scene.building, shared_scene
         self._settings, self._keeps_distances = settings, keeps_distances
         self.quickest: Quickest | None = None
         self.local: LocalWays | None = None
@@ -115,7 +117,6 @@ class Scene(Saved):
         self.time = 0.0
         self.changes: list[Change] = []
         self._of_lifts = 0
-        self.shared_scene = shared_scene
         self.ways_version = 0
         self._has_begun = self._has_ended = False
         self._waiting: list[Change] = []
@@ -384,7 +385,8 @@ class Scene(Saved):
             fields = self.quickest.fields
         if self._keeps_distances and strategies.intersection(LOCAL_STRATEGIES):
             fields = fields.with_own_directions() if fields is self._clear else fields
-            self.local = LocalWays(fields, self._clear, self._settings, self.local)
+            first = self.shared_scene.columns if self._clear is self.shared_scene.fields else None
+            self.local = LocalWays(fields, self._clear, self._settings, self.local, first)
         return fields
 
     def follow_crowd(self, tick: int, length: float) -> None:

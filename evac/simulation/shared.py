@@ -101,6 +101,8 @@ def _kept(key: str, file: SharedSceneFile | None) -> SharedScene | None:
 def _keep(key: str, scene: SharedScene) -> SharedScene:
     """Cache a shared scene; discard the oldest if there are too many."""
     SCENES[key] = scene
+    if scene.columns is None:
+        scene.columns = {}
     if len(SCENES) > MOST_SCENES:
         SCENES.popitem(last=False)
     return scene

@@ -297,8 +297,9 @@ class Simulation(Saved):
         with self.phases.enter("output"):
             try:
                 self.loop.begin()
-                while not self.ended:
-                    self.advance_tick()
+                with self.population.writable():  # once, since it takes time
+                    while not self.ended:
+                        self.advance_tick()
                 results = self.results()
             except BaseException as caught:
                 error = caught

@@ -133,7 +133,8 @@ class LevelField(Saved):
         values = np.zeros((*self.values.shape[:-1], len(level)))
         inside = np.flatnonzero(level >= 0)
         on = level[inside]
-        cell = np.floor((position[inside] - self._origin[on]) / self.spacing).astype(np.int64)
-        column, row = np.minimum(np.maximum(cell, 0), self._last[on]).T
-        values[..., inside] = self.values[..., self._start[on] + row * (self._last[on, 0] + 1) + column]
+        last = self._last.take(on, 0)
+        cell = np.floor((position.take(inside, 0) - self._origin.take(on, 0)) / self.spacing).astype(np.int64)
+        column, row = np.minimum(np.maximum(cell, 0), last).T
+        values[..., inside] = self.values.take(self._start.take(on) + row * (last[:, 0] + 1) + column, -1)
         return values
