@@ -9,7 +9,7 @@ from typing import Annotated, Any, Self, TypeVar
 from pydantic import Field, ValidationError, model_validator
 
 from evac.base.errors import is_one_line
-from evac.base.keys import Name, Real, Table, Whole, key, wrong
+from evac.base.keys import Name, Real, Switch, Table, Whole, key, wrong
 
 Described = TypeVar("Described", bound=Table)
 
@@ -83,6 +83,7 @@ class LiftOptions(Table):
     discharge: str | None = key("storey at which people get out; if not given, the lowest", "", None)
     start: str | None = key("storey at which the car is at first; if not given, that of `discharge`", "", None)
     bank: str | None = key("lifts with the same name here serve their lobbies together", "", None)
+    service: Switch = key("whether it runs; the events `open` and `close` with its name change that", "", True)
     wait: Real = key("wait that people expect before they are taken in", "s", 30.0, ge=0, le=3600)
 
 

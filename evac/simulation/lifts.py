@@ -248,16 +248,25 @@ class Lifts(Saved):
             level = self._lobbies[self._lobby[k, stop]].level
             comes = ((self._called == k) & (self._crowd.level == level)).any()
             dwell = lift.operation.dwell + (COMING if comes else 0.0)
-            is_done = is_full or self._scene.time - self._last[k] >= dwell - AT_ONCE
+            is_done = is_full or not self._runs(k) or self._scene.time - self._last[k] >= dwell - AT_ONCE
         if not is_done:
             return False
         self._called[self._called == k] = -1
         self._change(k, CLOSES, stop)
         return self._enter(k, CLOSING, self._scene.time + lift.operation.closing)
 
+    def _runs(self, k: int) -> bool:
+        """Return whether a lift is in service."""
+        return self._lifts[k].doors[0][0] in self._scene.building.awaited
+
     def _next_stop(self, k: int) -> int | None:
-        """Return the next stop at which more people wait than cars come for, from the top down."""
+        """Return the next stop at which more people wait than cars come for, from the top down.
+
+        A car that is out of service goes to its discharge.
+        """
         lift = self._lifts[k]
+        if not self._runs(k):
+            return None if self.stop[k] == lift.discharge else lift.discharge
         for stop in reversed(range(len(lift.rooms))):
             lobby = self._lobby[k, stop]
             places = 0
@@ -310,7 +319,7 @@ class Lifts(Saved):
     def _let_in(self, k: int) -> None:
         """Let in the nearest people before an open door, as many as there are places left; they are chosen anew."""
         lift, stop = self._lifts[k], int(self.stop[k])
-        if self.phase[k] != OPEN or stop == lift.discharge:
+        if self.phase[k] != OPEN or stop == lift.discharge or not self._runs(k):
             return
         crowd, lobby = self._crowd, self._lobbies[self._lobby[k, stop]]
         rows, off = self._before(lobby)

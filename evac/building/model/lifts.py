@@ -151,21 +151,30 @@ def with_lifts_of(
 def with_lifts(building: Building, lifts: tuple[Lift, ...]) -> Building:
     """Return a building whose levels are the rooms of lifts: their doors are closed, and people wait before them."""
     doors = replace(building, lifts=lifts).lift_doors
-    name = {level.index: level.name for level in building.levels}
-    jumps = {
-        Jump(name[room], name[lift.rooms[lift.discharge]], lift.delay(stop))
-        for lift in lifts
-        for stop, room in enumerate(lift.rooms)
-        if stop != lift.discharge
-    }
-    return replace(
+    building = replace(
         building,
         levels=tuple(replace(one, kind="car") if one.index in doors.values() else one for one in building.levels),
         lifts=lifts,
         closed=building.closed | frozenset(doors),
         one_way=building.one_way | frozenset(doors.items()),
-        awaited=building.awaited | frozenset(doors),
-        jumps=building.jumps | jumps,
+    )
+    for lift in lifts:
+        building = with_service(building, lift.name, lift.operation.service)
+    return building
+
+
+def with_service(building: Building, name: str, runs: bool) -> Building:
+    """Return a building in which a lift runs, so that ways lead through it, or does not."""
+    lift = next(lift for lift in building.lifts if lift.name == name)
+    rooms = [building.levels[room].name for room in lift.rooms]
+    jumps = frozenset(
+        Jump(room, rooms[lift.discharge], lift.delay(stop)) for stop, room in enumerate(rooms) if stop != lift.discharge
+    )
+    doors = frozenset(door for own in lift.doors for door in own)
+    return replace(
+        building,
+        awaited=building.awaited | doors if runs else building.awaited - doors,
+        jumps=building.jumps | jumps if runs else building.jumps - jumps,
     )
 
 

@@ -80,6 +80,10 @@ def changed(building: Building, change: Change) -> Building:
     """Return a building after a change, or itself if the change does not concern it or has no effect."""
     value = change.values.get("value")
     match change.kind:
+        case "open" | "close" if any(lift.name == change.what for lift in building.lifts):
+            from evac.building.model.lifts import with_service
+
+            after = with_service(building, change.what, change.kind == "open")
         case "close" if value == LEAVE:
             after = replace(_without_entry(building, change.what), emptying=building.emptying | {change.what})
         case "open" | "close":
