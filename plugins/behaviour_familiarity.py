@@ -104,7 +104,7 @@ class Familiarity(Behaviour):
             self._known[group.rows] = drawn
             for index in np.unique(crowd.route[group.rows]).tolist():
                 own = group.rows[crowd.route[group.rows] == index]
-                self._may_use[own] = [routes[index].leads_to(name) or bool(routes[index].refuge) for name in names]
+                self._may_use[own] = [routes[index].leads_to(name) or bool(routes[index].area) for name in names]
         self._routes = np.zeros((people, len(names)), dtype=np.int32)
         for index in np.unique(crowd.route).tolist():
             own_routes = [routes.index(Route((name,), steepest=routes[index].steepest)) for name in names]
@@ -162,7 +162,7 @@ class Familiarity(Behaviour):
             return
         self._version = self._scene.version
         self._next = self.every * (math.floor(time / self.every + INSTANT) + 1)
-        to_area = np.array([bool(route.refuge) for route in self._scene.fields.routes])
+        to_area = np.array([bool(route.area) for route in self._scene.fields.routes])
         asks = (crowd.level >= 0) & ~to_area[crowd.route]
         self._look_at_signs(crowd, asks)
         share = self._look_at_people(crowd, asks, time) if self.influence > 0.0 else np.zeros(self._known.shape)

@@ -112,11 +112,11 @@ class Helpers(Behaviour):
 
     def routes(self) -> tuple[Route, ...]:
         """Return the routes to the areas and out, also without stairs."""
-        return (*(Route(refuge=area) for area in self.areas), self._way(None), self._way(RAMP))
+        return (*(Route(area=area) for area in self.areas), self._way(None), self._way(RAMP))
 
     def _way(self, steepest: float | None) -> Route:
         """Return the route on which people are brought."""
-        return Route(() if self.to else self.exits, steepest=steepest, refuge=self.to)
+        return Route(() if self.to else self.exits, steepest=steepest, area=self.to)
 
     def prepare(self, scene: BehaviourScene) -> None:
         """Find the people, their devices and their helpers."""
@@ -226,7 +226,7 @@ class Helpers(Behaviour):
         is_able = (crowd.level[rows] >= 0) & (crowd.start_time[rows] <= time)
         free, rows = free[is_able], rows[is_able]
         known = self._scene.fields.routes
-        to_area = [Route(refuge=area.name, steepest=known[own].steepest) for own in self._own[free]]
+        to_area = [Route(area=area.name, steepest=known[own].steepest) for own in self._own[free]]
         routes = np.array([known.index(route) for route in to_area], np.int32)
         away = self._scene.fields.travel_time_at(
             crowd.level[rows], crowd.position[rows], routes, crowd.contact_radius[rows]

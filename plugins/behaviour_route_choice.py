@@ -171,7 +171,7 @@ class RouteChoice(Behaviour):
 
         People on their way to a refuge or an assembly area keep their route, too.
         """
-        to_area = np.array([bool(route.refuge) for route in self._scene.fields.routes])
+        to_area = np.array([bool(route.area) for route in self._scene.fields.routes])
         rows = choosers.rows[crowd.level[choosers.rows] >= 0]
         rows = rows[~to_area[crowd.route[rows]]]
         if not len(rows):

@@ -97,7 +97,7 @@ class TeacherFollowing(Behaviour):
             member=np.concatenate([np.zeros(0, np.int32), *(group.rows for group in followers)]).astype(np.int32),
             memory=self.memory,
             goes_alone=self.goes_alone,
-            ends_inside=np.array([bool(route.refuge) for route in scene.fields.routes], dtype=np.uint8),
+            ends_inside=np.array([bool(route.area) for route in scene.fields.routes], dtype=np.uint8),
             behind=np.zeros(sum(sizes)),
             speed=np.zeros(sum(sizes)),
         )

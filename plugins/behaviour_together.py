@@ -54,7 +54,7 @@ class Together(Behaviour):
 
     def routes(self) -> tuple[Route, ...]:
         """Return a route to each place."""
-        return tuple(Route(refuge=place) for place in self.places)
+        return tuple(Route(area=place) for place in self.places)
 
     def prepare(self, scene: BehaviourScene) -> None:
         """Divide the groups into units."""
@@ -81,7 +81,7 @@ class Together(Behaviour):
         routes = scene.scene.fields.routes
         for k in np.flatnonzero(self._stage[self._unit] == GATHERS).tolist():
             steepest = routes[scene.crowd.route[self._rows[k]]].steepest
-            to_place = Route(refuge=self._place[self._unit[k]], steepest=steepest)
+            to_place = Route(area=self._place[self._unit[k]], steepest=steepest)
             scene.crowd.route[self._rows[k]] = routes.index(to_place)
         self._arrived = np.zeros(len(self._rows), dtype=np.uint8)
         self._since = np.zeros(len(places))  # last progress, or the end of the count [s]

@@ -76,7 +76,7 @@ def _known_or_plugin(name: str, known: Iterable[str]) -> str:
     """Return a hint for an unknown name that a plugin could provide."""
     hint = did_you_mean(name, list(known))
     is_close = hint.endswith("?")
-    return hint if is_close else f"{hint}; or name the file of its plugin with --plugin FILE or [plugins] files"
+    return hint if is_close else f"{hint}; or name the file of its plugin in [plugins], plugin_files or --plugin"
 
 
 def _name(key: Key, name: object, known: Mapping[str, Any], word: str) -> Iterator[Fault]:

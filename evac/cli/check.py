@@ -364,7 +364,7 @@ def show_people(simulation: "Simulation") -> None:
     population = simulation.population
     crowd = population.crowd
     lengths = walked_lengths(simulation.fields, simulation.scene.world, crowd)
-    to_place = np.array([bool(route.refuge) for route in simulation.fields.routes])[crowd.route] & (crowd.level >= 0)
+    to_place = np.array([bool(route.area) for route in simulation.fields.routes])[crowd.route] & (crowd.level >= 0)
     own = crowd.level[to_place], crowd.position[to_place], crowd.route[to_place], crowd.contact_radius[to_place]
     lengths[to_place] = simulation.fields.lengths_at(*own)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -385,9 +385,7 @@ def show_people(simulation: "Simulation") -> None:
         rows.append((group.name, len(group.rows), levels, unimpeded, radius))
     columns = ("group", "people", "levels", "unimpeded time to an exit or place [s]", "radius [m]")
     refuges = {place.area for place in simulation.case.place if place.kind == "refuge"}
-    is_left = np.array([route.refuge in refuges for route in simulation.fields.routes])[crowd.route] & (
-        crowd.level >= 0
-    )
+    is_left = np.array([route.area in refuges for route in simulation.fields.routes])[crowd.route] & (crowd.level >= 0)
     left = {group.name: int(is_left[group.rows].sum()) for group in in_order(population.groups)}
     only = ", ".join(f"{number} of {name!r}" for name, number in left.items() if number)
     others = f" but {only}, who can reach only a refuge" if only else ""

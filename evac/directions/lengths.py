@@ -60,7 +60,7 @@ def routes_at_present(building: Building, routes: Sequence[Route]) -> tuple[Rout
     """Return routes that lead to any exit instead of those whose exits are all closed."""
     names = [exit_.name for exit_ in building.exits if building.is_open(exit_)]
     return tuple(
-        route if route.refuge or any(map(route.leads_to, names)) else replace(route, exits=()) for route in routes
+        route if route.area or any(map(route.leads_to, names)) else replace(route, exits=()) for route in routes
     )
 
 
@@ -71,7 +71,7 @@ def exits_of_route(building: Building, route: Route) -> list[Exit]:
 
 def ends_of_route(building: Building, route: Route) -> list[Exit | Area]:
     """Return the open exits, or the areas, that a route may end at."""
-    return [*exits_of_route(building, route), *(area for area in building.areas if area.name == route.refuge)]
+    return [*exits_of_route(building, route), *(area for area in building.areas if area.name == route.area)]
 
 
 def barred_on(building: Building, route: Route) -> frozenset[int]:

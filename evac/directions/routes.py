@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
+
+from pydantic import Field
 
 #: Strategies, which minimise the length along the slope, the time at the reference speeds, or the time with stairs
 #: weighted by the comfort factor of the case, or the time at the speeds that the density of the crowd permits.
@@ -29,8 +31,8 @@ class Route:
         One of `STRATEGIES`.
     steepest : float, optional
         Steepest stair or ramp that it uses, as rise over run; None bars none.
-    refuge : str
-        Name of the area in which it ends, instead of at an exit.
+    area : str
+        Name of the area in which it ends, instead of at an exit; ``refuge`` in summary.json.
     lifts : str
         How it uses lifts: not at all if empty, `WEIGHED` where they are quicker than stairs, or `PREFERRED`.
     """
@@ -38,17 +40,17 @@ class Route:
     exits: tuple[str, ...] = ()
     strategy: str = "fastest"
     steepest: float | None = None
-    refuge: str = ""
+    area: Annotated[str, Field(alias="refuge")] = ""
     lifts: str = ""
 
     @property
     def destination(self) -> str:
         """The exits as text, such as ``"north|south"``."""
-        return self.refuge or "|".join(self.exits) or "any exit"
+        return self.area or "|".join(self.exits) or "any exit"
 
     def leads_to(self, name: str) -> bool:
         """Return whether the route may end at the exit of this name."""
-        return not self.refuge and (not self.exits or name in self.exits)
+        return not self.area and (not self.exits or name in self.exits)
 
     def __str__(self) -> str:
         """Return strategy and destination, such as ``"fastest to north|south"``."""
@@ -59,6 +61,6 @@ class Route:
 
 def changed_route(route: Route, value: str | Sequence[str]) -> Route:
     """Return a route with another strategy, if the value is its name, or with other exits; those to refuges stay."""
-    if route.refuge:
+    if route.area:
         return route
     return replace(route, strategy=value) if isinstance(value, str) else replace(route, exits=tuple(value))

@@ -120,7 +120,7 @@ def routes_to_places(case: "Case", people: "GroupSettings") -> dict[str, Route]:
         if one.kind == "strategy" and one.target == people.name and isinstance(one.value, tuple):
             sent |= {*one.value}
     return {
-        place.name: replace(own, refuge=place.area or "")
+        place.name: replace(own, area=place.area or "")
         for place in case.place
         if (place.kind == "assembly" and place.name in sent) or (place.kind == "refuge" and is_limited(people))
     }
@@ -175,7 +175,7 @@ class Places(Saved):
         self._way_to: IntArray = np.full((len(case.people), len(self._places) + 1), -1, dtype=np.int32)
         for group, ways in enumerate(self._ways):
             self._way_to[group, [*ways]] = [*ways.values()]
-        self._ends_inside = np.array([bool(route.refuge) for route in routes], dtype=np.bool_)
+        self._ends_inside = np.array([bool(route.area) for route in routes], dtype=np.bool_)
         self._is_limited = [is_limited(people) for people in case.people]
         self.of_groups: IntArray = crowd.route.copy()
         self._before: IntArray = crowd.route.copy()  # route of each person until it was sent to a place

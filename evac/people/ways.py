@@ -71,7 +71,7 @@ def check_ways(
     if fields.clearance < fields.packed.spacing:
         return ()
     findings: list[Finding] = []
-    for route in (index for index, one in enumerate(fields.routes) if not (one.refuge or one.lifts)):
+    for route in (index for index, one in enumerate(fields.routes) if not (one.area or one.lifts)):
         ends = _check_walks(source, building, fields, world, crowd, groups, route)
         stopped = (ends[:, 2] >= 0.0) & (crowd.route == route)
         for group in groups:
@@ -98,7 +98,7 @@ def cut_off(
             rows = lost[since[lost] == time]
             levels = ", ".join(repr(building.levels[level].title) for level in np.unique(crowd.level[rows]).tolist())
             routes = np.unique(crowd.route[rows]).tolist()
-            ends = " or ".join(sorted({fields.routes[route].refuge or "any exit" for route in routes}))
+            ends = " or ".join(sorted({fields.routes[route].area or "any exit" for route in routes}))
             events = " and ".join(str(change) for change in changes if change.time == time)
             why = f" because of: {events}" if events else ""
             lines.append(

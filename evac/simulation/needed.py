@@ -68,7 +68,7 @@ def _check_names(case: "Case", building: "Building", routes: Sequence[Route]) ->
     given = [(name, key, value) for name, table in case.behaviours.items() for key, value in (table or {}).items()]
     for what, known, named in (
         ("exit", [way.name for way in building.exits], [name for route in routes for name in route.exits]),
-        ("area", [area.name for area in building.areas], [route.refuge for route in routes if route.refuge]),
+        ("area", [area.name for area in building.areas], [route.area for route in routes if route.area]),
     ):
         for word in (word for word in named if word not in known):
             for name, key, value in given:

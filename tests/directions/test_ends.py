@@ -66,7 +66,7 @@ def test_a_place_with_a_cost_and_the_only_exit_of_a_route(hall):
     building = replace(hall, areas=(area("refuge", 0, 8.0, 3.0),), costs=frozenset({("refuge", 7.0), ("left", 3.0)}))
     points = positions_on(building, 0, 200)
     exact = 7.0 + away(points, middle(building, "refuge"))
-    assert_exact(solved(building, Route((), "quickest", refuge="refuge"), clearance=0.0), 0, points, exact, SPACING)
+    assert_exact(solved(building, Route((), "quickest", area="refuge"), clearance=0.0), 0, points, exact, SPACING)
     left = shapely.distance(shapely.LineString([(2.0, 0.0), (3.0, 0.0)]), shapely.points(points))
     assert_exact(solved(building, Route(("left",), "quickest"), clearance=0.0), 0, points, 3.0 + left, SPACING)
 

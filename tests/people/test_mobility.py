@@ -121,7 +121,7 @@ def test_people_on_their_way_to_a_refuge_leave_if_a_way_opens():
     case = with_refuges(("lobby", None), gradient=1.0 / 14.0)
     simulation = Simulation(case.change({"building.closed": ["ramp"]}))
     crowd, routes = simulation.population.crowd, simulation.fields.routes
-    assert {routes[k].refuge for k in crowd.route[crowd.group == 1]} == {"lobby"}
+    assert {routes[k].area for k in crowd.route[crowd.group == 1]} == {"lobby"}
     simulation.scene.apply(evac.Change(2.0, "open", "ramp"))
     assert simulation.run().ended == "everybody out"
 
@@ -147,7 +147,7 @@ def test_an_event_changes_the_exits_of_those_only_who_are_not_on_their_way_to_a_
     simulation = Simulation(evac.load({**case, "event": [event, other]}))
     run_ticks(simulation, 20)
     crowd, routes = simulation.population.crowd, simulation.fields.routes
-    assert {routes[k].refuge for k in crowd.route[crowd.group == 1]} == {"lobby"}
+    assert {routes[k].area for k in crowd.route[crowd.group == 1]} == {"lobby"}
     assert {routes[k].strategy for k in crowd.route[crowd.group == 0]} == {strategy}
 
 

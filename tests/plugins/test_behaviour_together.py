@@ -149,7 +149,7 @@ def test_a_class_leaves_by_the_exits_that_an_event_has_given_it_while_it_gathere
     simulation = class_of([1.2, 1.4], *events, count=1.0)
     routes = simulation.fields.routes
     run_ticks(simulation, 30)
-    assert {routes[k].refuge for k in simulation.population.crowd.route} == {"hall"}
+    assert {routes[k].area for k in simulation.population.crowd.route} == {"hall"}
     run_ticks(simulation, 270)
     assert {routes[k].strategy for k in simulation.population.crowd.route} == {"shortest"}
 

@@ -17,7 +17,7 @@ HALL = {
     ],
 }
 WEST = evac.Route(exits=("west",))
-NICHE = evac.Route(refuge="niche")
+NICHE = evac.Route(area="niche")
 
 
 def do(scene, time):
