@@ -11,6 +11,8 @@ from case_reference import reference
 from plugin_tables import plugins
 from summary_keys import keys
 
+from evac.cli.main import COMMANDS, parser
+
 MARK = re.compile(r"^<!-- table: (\w+) -->$", re.MULTILINE)
 
 
@@ -20,10 +22,25 @@ def filled(text: str) -> str:
 
 
 def table(name: str) -> str:
-    """Return a table in Markdown: of the keys of a case or of a summary, or of the plugins of a kind."""
+    """Return a table in Markdown: keys of a case or a summary, commands, options of one, or plugins of a kind."""
     if name == "case":
         return reference()
+    if name == "commands" or name in COMMANDS:
+        return options(name)
     return keys() if name == "summary" else plugins(name)
+
+
+def options(name: str) -> str:
+    """Return the options of a command with their meanings, or all commands."""
+    (commands,) = (action for action in parser()._actions if action.dest == "command")
+    if name == "commands":
+        rows = {f"evac {one.dest}": one.help for one in commands._choices_actions}
+    else:
+        declared = commands.choices[name]._actions
+        values = {one: str(one.metavar or ", ".join(one.choices or ())) for one in declared[1:]}
+        rows = {" ".join([*one.option_strings[-1:], value]).strip(): one.help for one, value in values.items()}
+    head = "command" if name == "commands" else "option"
+    return "\n".join([f"| {head} | meaning |", "|---|---|", *(f"| `{key}` | {text} |" for key, text in rows.items())])
 
 
 if __name__ == "__main__":

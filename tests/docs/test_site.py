@@ -40,7 +40,9 @@ def test_every_key_and_plugin_is_described_on_a_page_once(root):
     pages = [page.read_text(encoding="utf-8") for page in sorted((root / "docs").glob("*.md"))]
     registry = Registry()
     kinds = {f"{item['kind']}s" for entry in registry.describe() for item in entry["provides"]} - {"cases", "exporters"}
-    assert sorted(name for page in pages for name in MARK.findall(page)) == sorted({"case", "summary", *kinds})
+    assert sorted(name for page in pages for name in MARK.findall(page)) == sorted(
+        {"case", "summary", "commands", "map", "report", *kinds}
+    )
     for kind in kinds:
         for name, plugin in getattr(registry, kind).items():
             assert f"### {name}\n" in table(kind)
