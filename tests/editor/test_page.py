@@ -435,6 +435,73 @@ def test_a_picture_lies_under_a_storey_and_is_scaled_by_two_points(page, tmp_pat
     assert not file.with_name("house.plan.toml.pictures").exists()
 
 
+def test_the_toolbar_by_the_mouse(page):
+    def push(selector):
+        box = page.run(f"document.querySelector({selector!r}).getBoundingClientRect().toJSON()")
+        page.browser.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        page.browser.settle()
+
+    page.run("editor.view.zoomAt(0.7, [3, 4])")  # so that there is space at the right
+    page.browser.settle()
+    ground, zoom = page.colour(16.5, 3.5).mean(axis=0), page.run("editor.view.zoom")
+    for name in ("wall", "door", "exit", "stair", "area", "measure", "select", "obstacle", "room"):
+        push(f"#tools [value={name}]")
+        assert page.run("document.querySelector('#tools [aria-pressed=true]').value") == name
+    page.drag((14, 0), (17, 4))
+    page.judged()
+    page.keys("Escape", "Escape")
+    assert page.colour(16.5, 3.5).mean(axis=0).min() > 250 > ground.min()
+    push("#tools [value=obstacle]")
+    page.drag((16, 3), (16.9, 3.9))
+    page.judged()
+    page.keys("Escape", "Escape")
+    assert page.colour(16.5, 3.5).mean(axis=0).min() < 250
+    push("#undo")
+    page.judged()
+    assert page.colour(16.5, 3.5).mean(axis=0).min() > 250
+    push("#undo")
+    push("#redo")
+    push("#add-storey")
+    assert page.text("#told") == "Draw its rooms"
+    push("#save")
+    page.browser.wait("document.getElementById('saved').textContent === 'Saved'")
+    plan = tomllib.loads(page.server.session.file.read_text())
+    assert plan["rooms"][-1]["polygon"] == [[14, 0], [17, 0], [17, 4], [14, 4]]
+    assert [row["z"] for row in plan["storeys"]] == pytest.approx([0, 3.2, 6.2])
+    page.run("editor.act.goTo('ground')")
+    push("#fit")
+    assert page.run("editor.view.zoom") != zoom
+    push("#theme")
+    assert page.colour(-1, -1).mean() < 60
+    push("#view-3d")
+    assert page.run("document.getElementById('view').hidden")
+    push("#view-plan")
+    push("#theme")
+    assert page.colour(-1, -1).mean() > 200
+    push("#show-help")
+    assert "undo, redo" in page.text("#help")
+    page.run("document.getElementById('help').close()")
+
+
+def test_the_focus_goes_everywhere_and_is_seen(page):
+    tab = {"key": "Tab", "code": "Tab", "windowsVirtualKeyCode": 9}
+    seen = {}
+    page.run("document.getElementById('undo').parentElement.querySelector('button:enabled').focus()")
+    for _ in range(90):
+        page.browser.send("Input.dispatchKeyEvent", {"type": "keyDown", **tab})
+        name, outline, border = page.run(
+            """(() => { const one = document.activeElement, style = getComputedStyle(one);
+                const name = one === document.body ? "body" : one.id || one.value || one.textContent || one.type;
+                const outline = parseFloat(style.outlineWidth) * (style.outlineStyle !== "none");
+                return [name, outline, style.boxShadow]; })()"""
+        )
+        seen[name] = outline >= 2 or border != "none"
+    wanted = {"view-plan", "view-3d", "theme", "show-help", "save", "run", "view", "fit", "add-storey", "copies"}
+    wanted |= {"picture-file", "add-people", "add-event", "add-phase", "design-runs", "make-button", "changes"}
+    assert wanted | set(page.run("Object.keys({select: 0, room: 0, wall: 0, door: 0, exit: 0, stair: 0})")) <= {*seen}
+    assert [name for name, is_seen in seen.items() if not is_seen and name != "body"] == []
+
+
 def test_lengths_are_typed(page):
     page.keys("r")
     page.click((15, 0))
@@ -589,6 +656,34 @@ def test_a_file_that_changes_meanwhile_is_told_and_kept(page):
     page.press("take-file")
     page.browser.wait("editor.store.now.content.doors[0].segment.width === 1.3")
     page.browser.errors = [one for one in page.browser.errors if "409" not in one]
+
+
+def test_what_another_page_saves_is_told_and_kept(page):
+    session = page.server.session
+    page.drag((8, 4.2), (9, 4.2))
+    document = session.document()
+    document["table"]["doors"][0]["segment"]["width"] = 1.3
+    session.save(document["table"], document["digest"])
+    page.browser.wait("!document.getElementById('banner').hidden")
+    text = session.file.read_text()
+    page.keys("s", modifiers=CONTROL)
+    page.browser.settle()
+    assert session.file.read_text() == text
+    page.press("take-file")
+    page.browser.wait("editor.store.now.content.doors[0].segment.width === 1.3")
+    page.browser.errors = [one for one in page.browser.errors if "409" not in one]
+
+
+def test_names_are_text_wherever_they_are_shown(page):
+    markup = "<img src=x onerror=alert(1)>"
+    for section in ("storeys", "rooms", "doors", "exits", "areas", "shafts", "people"):
+        page.run(f"editor.store.commit(editor.store.now.rename({{ section: '{section}', index: 0 }}, {markup!r}))")
+        page.run(f"editor.act.select({{ section: '{section}', index: 0 }})")
+        assert markup in page.text("#inspector h2")
+    page.judged()
+    assert page.text("#verdict") == "Can be run"
+    assert page.run("document.images.length") == 0
+    assert page.saved() == page.plan
 
 
 def test_unsaved_work_is_here_again_after_the_end_of_the_server(page):

@@ -126,6 +126,10 @@ def test_the_token_is_needed_and_is_another_at_each_start(server, house, serve):
     for path in ("/", "/document", "/x/document", f"/{server.token[:-1]}/document", f"/{server.token}/document"):
         assert ask(again, path)[0] == 404
     assert ask(again, "document")[0] == 200
+    body = {"table": document(server)["table"] | {"doors": []}, "digest": document(again)["digest"]}
+    before = (house / "house.plan.toml").read_bytes()
+    assert ask(again, f"/{server.token}/save", "POST", body)[0] == 404  # of a page that is left from before
+    assert (house / "house.plan.toml").read_bytes() == before
 
 
 def test_nothing_is_edited_before_it_was_chosen(serve, tmp_path, monkeypatch):

@@ -39,7 +39,7 @@ async function start() {
   if (opened.begin) return begin();
   const isCase = Boolean(opened.table.case), declared = isCase ? await ask("forms") : null;
   const store = new Store(opened.table, changed), view = new PlanView(by("view"), store), view3d = new View3D(by("view3d"));
-  let { digest } = opened, onDisk = digest, isAsked = false, isStale = false;
+  let { digest } = opened, onDisk = digest, isAsked = false, isStale = false, isSaving = false;
   view.storey = store.now.storeys[0]?.name ?? "";
   document.body.classList.toggle("fixed", !opened.is_drawn);  // A building that is no plan is shown, not drawn.
 
@@ -126,6 +126,7 @@ async function start() {
     },
 
     async save() {
+      isSaving = true;
       try {
         const { difference, digest: now } = await ask("save", { table: store.now.content, digest });
         [digest, onDisk, store.saved] = [now, now, store.now.content];
@@ -137,6 +138,8 @@ async function start() {
       } catch (error) {
         if (error.status === 409) warnOfFile(); else warn(error.message);
         return false;
+      } finally {
+        isSaving = false;
       }
     },
 
@@ -262,7 +265,7 @@ async function start() {
     on("judged", showJudged);
     on("run", (state) => running.show(state));
     on("designs", (state) => designs?.show(state));
-    on("saved", ({ digest: now }) => { onDisk = now; });
+    on("saved", ({ digest: now }) => { onDisk = now; if (!isSaving && now !== digest) warnOfFile(); });  // By another page.
     on("changed", ({ digest: now }) => { if (now !== digest) { onDisk = now; warnOfFile(); } });
     events.addEventListener("error", () => { act.say("evac edit does not answer"); isAsked = false; });
     events.addEventListener("open", () => { act.say(""); isAsked = false; check(); });
