@@ -77,7 +77,6 @@ class _Drawn:
         doors = [door for door in self.drawing.plan.doors if key_of("doors", door) not in wrong]
         for door in self.plan.mended:
             self._is_right("doors", _row("doors", [door]), doors)
-        errors = [replace(one, text=_with_cause(one, self.plan.findings)) for one in errors]
         error = refusal(self.source, self._with_remedies(errors, doors))
         error.building = building
         return error
@@ -173,14 +172,6 @@ def _of_items(plan: Plan, findings: Iterable[Finding]) -> list[Finding]:
         else one
         for one in findings
     ]
-
-
-def _with_cause(error: Finding, findings: Iterable[Finding]) -> str:
-    """Put the repairs of outlines of the storey of an error before its text: it may follow from them."""
-    told = [str(one) for one in findings if one.kind == "repaired" and repr(one.level) in error.text]
-    if not told:
-        return error.text
-    return f"{'; '.join(told)}; correct its corners first, since this error may follow: {error.text}"
 
 
 def _changes(plan: Plan, drawing: Drawing, section: str, row: Mapping[str, Any], text: str) -> Iterable[dict[str, Any]]:
