@@ -207,6 +207,8 @@ def _on_walls(drawing: Drawing, section: str, storey: str, ends: FloatArray) -> 
     half = np.minimum(np.hypot(*(ends[1] - ends[0])), length - 2 * JAMB) / 2
     at = ((ends.mean(axis=0) - start) * step).sum(axis=1).clip(half + JAMB, length - half - JAMB)
     off = np.hypot(*(start + at[:, None] * step - ends.mean(axis=0)).T)
+    span = ends[1] - ends[0]
+    off += (np.hypot(*span) - np.abs(step @ span)) / 2  # rather along its own wall than around a corner
     for row in np.argsort(off, kind="stable")[:MOST_WALLS]:
         reach = np.outer([at[row] - half[row], at[row] + half[row]], step[row])
         yield rounded(start[row] + reach).tolist()

@@ -94,7 +94,8 @@ def _error(plan: Plan, section: str, index: int, item: Any, folder: Path, text: 
         return Finding("error", text, item=key, remedy="remove it")
     if section in ("storeys", "rooms"):
         plan.refused.add(str(item.get("name")))
-    storey, place = item["storey"] if isinstance(item.get("storey"), str) else None, None
+    names = [item.get(one) for one in (["name"] if section == "storeys" else ["storey", "lower"])]
+    storey, place = next((one for one in names if isinstance(one, str)), None), None
     for shape in ("segment", "polygon", "lower_edge"):
         with suppress(Exception):  # what is wrong with the shape is told already
             given = item[shape]
