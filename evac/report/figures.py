@@ -121,7 +121,7 @@ def course(trajectory: Trajectory, exit_times: FloatArray) -> list[Picture]:
     times = [(share, time_of_share(exit_times, share)) for share in SHARES_OUT]
     return [
         _rendered(draw, trajectory.nearest(time), f"{share} % of the people are out at {time:.1f} s", "course")
-        for share, time in times
+        for share, time in told("drawing the course", times, len(times))
         if time is not None
     ]
 

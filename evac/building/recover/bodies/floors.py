@@ -9,6 +9,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.defaults import HEADROOM
+from evac.base.phases import told
 from evac.building.geometry import common, cut, place_of, united
 from evac.building.model.findings import Finding
 from evac.building.recover.bodies.body import SAME_HEIGHT, Body, closed, snapped, without_slivers
@@ -92,7 +93,8 @@ def floors_of(
     names = _names(heights, storeys)
     tops = [(plan, z) for body in bodies if body.kind == "slab" for plan, z in body.tops()]
     floors = []
-    for height, name in zip(heights, names, strict=True):
+    each = zip(heights, names, strict=True)
+    for height, name in told("reading floors", each, len(heights)):
         slabs = united(height.slabs)
         if height.spaces and slabs.is_empty and _is_above_roof(height, bodies):
             text = "spaces with a roof and no slab below are outside of the building"
