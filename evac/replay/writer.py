@@ -129,11 +129,8 @@ def _chosen(trajectory: Trajectory, every: float | None) -> set[int]:
     if every is None:
         states = sum(len(rows.person) for rows in trajectory.rows)
         return {*range(0, len(time), max(1, math.ceil(states / MOST_STATES))), len(time) - 1}
-    wanted = np.arange(time[0], time[-1], every)
-    after = np.searchsorted(time, wanted)
-    before = np.maximum(after - 1, 0)
-    nearest = np.where(wanted - time[before] < time[after] - wanted, before, after)
-    return {*nearest.tolist(), len(time) - 1}
+    wanted, middles = np.arange(time[0], time[-1], every), 0.5 * (time[1:] + time[:-1])
+    return {*np.searchsorted(middles, wanted, side="right").tolist(), len(time) - 1}
 
 
 def _about(account: Account, portals: int) -> dict[str, Any]:

@@ -184,27 +184,11 @@ def margins(trajectory: Trajectory, least_margins: Sequence[LeastMargin]) -> Pic
 
 def egress(run: Results) -> Picture:
     """Return the egress curve of one run."""
-    figure, people = egress_figure(run, CURVE, has_title=False), len(run.leaving)
-    axes, (time, number) = figure.axes[0], run.egress()
-    for share in (0.5, 0.95):
-        rank = math.ceil(share * people)
-        if rank < len(time):
-            axes.plot(time[rank], number[rank], "o", color=palette.TEXT, markersize=5, zorder=5)
-            axes.annotate(
-                f"{100 * share:g} % after {time[rank]:.1f} s",
-                (float(time[rank]), float(number[rank])),
-                xytext=(-8, 3),
-                textcoords="offset points",
-                ha="right",
-                fontsize=9,
-                color=palette.TEXT,
-                bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
-            )
     caption = (
         "Number of people out over time: all people, and each group of several people. The dotted line is the"
         " number of people who are to leave."
     )
-    return drawing(figure, caption, "egress curve")
+    return drawing(egress_figure(run, CURVE, has_title=False), caption, "egress curve")
 
 
 def doses(columns: Mapping[str, Sequence[float]]) -> Picture:

@@ -19,7 +19,6 @@ MOST = 95.0
 #: Number of exits that are named, those used most.
 MOST_EXITS = 4
 
-
 #: Least share of all waiting with which a second queue is named.
 SECOND = 0.1
 
