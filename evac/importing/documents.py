@@ -130,11 +130,16 @@ def report_text(made: "Imported", digests: Mapping[str, str]) -> str:
     text = [f"# Import of {names}", "", runs, "", *_listed(made, ["missing"])]
     text += ["![every level](levels.png)", "", "## Levels", ""]
     number = {room.name: room.number for room in made.rooms}
+    parts = {level.name: [level] for level in building.levels if level.stair is None}
+    parts |= {name: [building.levels[index] for index in own] for name, own in building.stairs.items()}
     rows = [
-        (level.name, level.kind, f"{level.z_min:z.2f}", f"{level.polygon.area:.2f}", f"{math.degrees(level.slope):.1f}")
-        for level in building.levels
+        (
+            *(name, "stair" if own[0].stair else own[0].kind, f"{min(one.z_min for one in own):z.2f}"),
+            *(f"{sum(one.polygon.area for one in own):.2f}", f"{math.degrees(max(one.slope for one in own)):.1f}"),
+        )
+        for name, own in parts.items()
     ]
-    text += table(("level", "kind", "z [m]", "area in plan [m2]", "slope [deg]"), rows)
+    text += table(("level", "kind", "z [m]", "area in plan [m2]", "steepest [deg]"), rows)
     exits = [(way.name, building.levels[way.level].name, f"{way.width:.2f}") for way in building.exits]
     text += ["## Exits", "", *(table(("exit", "level", "width [m]"), exits) if exits else ["None.", ""])]
     openings = [opening_row(made, k) for k in range(len(made.openings))]
