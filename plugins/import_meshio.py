@@ -36,6 +36,8 @@ class MeshioImporter(Importer):
     def read(self, path: Path) -> SurfaceMesh:
         """Read vertices, surface cells and tags; raise ValueError if the file is damaged."""
         mesh = _read(path)
+        if not len(mesh.points):
+            raise ValueError("it has no vertices: it is empty, or of another format")
         points = np.asarray(mesh.points, dtype=np.float64).reshape(len(mesh.points), -1)
         points = np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
         _check_count(path, mesh)

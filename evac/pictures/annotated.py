@@ -75,6 +75,7 @@ def levels_figure(
     plans = draw_plans(building, title, side=MARGIN, has_widths=True, greatest=greatest, part=part)
     groups = listed(findings)
     panels = [[level.index for level in levels] for levels in plans.levels]
+    places = _by_place(building, panels, groups)
     for number, (axes, levels) in enumerate(zip(plans.axes, plans.levels, strict=True)):
         _show_coordinates(axes)
         _name_parts(axes, building, levels)
@@ -85,7 +86,7 @@ def levels_figure(
                 beside(axes, segment, mark.label, OPENING)
         with legible_figure(plans.figure):
             _keep_apart(plans.figure, axes)
-        for own in _by_place(building, panels, groups, number):
+        for own in places[number].values():
             _draw_findings(axes, own)
     _list_below(plans.figure, groups)
     return plans.figure
@@ -202,15 +203,16 @@ def _arrow(axes: Axes, level: Level) -> None:
 
 
 def _by_place(
-    building: Building, panels: list[list[int]], groups: list[tuple[int, list[Finding]]], panel: int
-) -> list[list[tuple[int, Finding]]]:
-    """Return the findings at each place of a storey, with their numbers."""
-    by_place: dict[tuple[float, float], list[tuple[int, Finding]]] = {}
+    building: Building, panels: list[list[int]], groups: list[tuple[int, list[Finding]]]
+) -> list[dict[tuple[float, float], list[tuple[int, Finding]]]]:
+    """Return the findings at each place of each storey, with their numbers."""
+    by_place: list[dict[tuple[float, float], list[tuple[int, Finding]]]] = [{} for _ in panels]
     for number, finding in ((number, finding) for number, group in groups[:MOST_LISTED] for finding in group):
-        if finding.place is not None and panel_of(building, panels, finding) == panel:
+        if finding.place is not None:
             x, y = finding.place[:2]
-            by_place.setdefault((round(x, 1), round(y, 1)), []).append((number, finding))
-    return list(by_place.values())
+            own = by_place[panel_of(building, panels, finding)]
+            own.setdefault((round(x, 1), round(y, 1)), []).append((number, finding))
+    return by_place
 
 
 def panel_of(building: Building, panels: list[list[int]], finding: Finding) -> int:

@@ -106,14 +106,21 @@ def _walked_on(
     """Return the parts of patches outside of bodies, with upright faces or closed ones, and with enough headroom."""
     own = [patch for patch in patches if patch.body in solid]
     beside = _beside(own)
+    heights = [patch.height(shapely.get_coordinates(patch.plan)) for patch in own]
+    least, most = np.array([[z.min(), z.max()] for z in heights]).reshape(-1, 2).T
+    body = np.array([patch.body for patch in own])
+    foot, top = ({one: float(end(z[body == one])) for one in set(body)} for end, z in ((np.min, least), (np.max, most)))
     free, notes = [], list[Finding]()
     low_area, places, hollow = 0.0, [], set[int]()
     for k, patch in enumerate(own):
-        inside = _inside(patch, [own[j] for j in beside[k] if own[j].body in closed])
+        # No patch is inside of a closed body that is all above or all below it.
+        around = [own[j] for j in beside[k] if own[j].body in closed]
+        inside = _inside(patch, [one for one in around if foot[one.body] <= most[k] and top[one.body] >= least[k]])
         hollow |= {patch.body} & set(inside)
-        same = [own[j].over(patch, -TOUCHING, TOUCHING) for j in beside[k] if j < k and _is_again(own[j], patch)]
+        near = [j for j in beside[k] if least[j] <= most[k] + headroom and most[j] >= least[k] - TOUCHING]
+        same = [own[j].over(patch, -TOUCHING, TOUCHING) for j in near if j < k and _is_again(own[j], patch)]
         rest = patch.without(shapely.union_all([*inside.values(), *same]))
-        low = shapely.union_all([own[j].over(rest, _least(own[j], patch), headroom) for j in beside[k]])
+        low = shapely.union_all([own[j].over(rest, _least(own[j], patch), headroom) for j in near])
         if not low.is_empty and low.area > LEAST_TOP / 100.0:
             low_area += low.area
             places.append((*place_of(low), float(rest.height(np.array([place_of(low)]))[0])))
@@ -241,6 +248,8 @@ def _is_top(part: Patch) -> bool:
 
 def _is_step(one: Patch, other: Patch) -> bool:
     """Return whether two patches touch in plan and somewhere there differ in height by at most a riser."""
+    if one.is_flat and other.is_flat and abs(one.z - other.z) > 2.0 * MOST_RISER:
+        return False
     contact = shapely.get_coordinates(shapely.intersection(one.plan.buffer(APART), other.plan))
     apart = one.height(contact) - other.height(contact)  # linear along a side that they share
     return bool(len(contact) and apart.min() <= MOST_RISER and apart.max() >= -MOST_RISER)
