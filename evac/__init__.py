@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from evac.importing import import_building as import_building
     from evac.people.behaviour import Behaviour as Behaviour
     from evac.people.behaviour import BehaviourScene as BehaviourScene
+    from evac.people.dispatcher import Dispatcher as Dispatcher
     from evac.physics.contact.model import ContactModel as ContactModel
     from evac.physics.contact.pair_contact import PairContact as PairContact
     from evac.physics.contact.rows import Solver as Solver
@@ -96,6 +97,7 @@ _HOMES = {
     "Simulation": "evac.simulation.simulation",
     "SimulationError": "evac.base.errors",
     "SmokeLaw": "evac.conditions.law",
+    "Dispatcher": "evac.people.dispatcher",
     "Solver": "evac.physics.contact.rows",
     "Stopped": "evac.results.ending",
     "Study": "evac.study.study",

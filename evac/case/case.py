@@ -98,6 +98,9 @@ class Case(Table):
         "",
         {},
     )
+    dispatchers: dict[str, Parameters] = key(
+        "`[dispatchers.NAME]`: parameters of the dispatcher of lifts, which enable it; `false` disables it", "", {}
+    )
     importers: dict[str, Parameters] = key(
         "`[importers.NAME]`: parameters of an importer of buildings; `false` disables it; all others are enabled",
         "",

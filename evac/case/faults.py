@@ -165,8 +165,8 @@ def _smoke(draft: Draft) -> Iterator[Fault]:
 
 
 def _plugins(draft: Draft) -> Iterator[Fault]:
-    """Check the tables of forces, behaviours, recorders and importers."""
-    for kind in ("force", "behaviour", "recorder", "importer"):
+    """Check the tables of forces, behaviours, recorders, dispatchers and importers."""
+    for kind in ("force", "behaviour", "recorder", "dispatcher", "importer"):
         yield from _tables(
             (f"{kind}s",), _table(draft.content.get(f"{kind}s")), getattr(draft.registry, f"{kind}s"), kind
         )

@@ -18,7 +18,7 @@ from evac.contract.registry import Registry
 DRAFT = "http://json-schema.org/draft-07/schema#"
 
 #: Tables of case.toml whose keys are names of plugins, as in the registry.
-TABLES = ("behaviours", "forces", "recorders", "importers")
+TABLES = ("behaviours", "forces", "recorders", "dispatchers", "importers")
 
 #: JSON types of the types of Python, the first that fits.
 TYPES: Mapping[type, str] = {bool: "boolean", int: "integer", float: "number", str: "string"}

@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -30,6 +31,7 @@ from evac.contract.registry import Registry
 from evac.contract.requirements import HOOKS, check_class, check_interface, kind_of
 from evac.export.exporter import Exporter, export
 from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_written
+from evac.people.dispatcher import Car, Dispatcher, StopCall
 from evac.physics.contact.model import ContactModel
 from evac.physics.contact.pair_contact import PairContact
 from evac.physics.contact.rows import Solver
@@ -197,6 +199,19 @@ def check_speeds(law: SmokeLaw) -> None:
         require(np.array_equal(speed, alone), "differs if others are there; use only the values of each person")
 
 
+def check_stops(dispatcher: Dispatcher) -> None:
+    """Check that the next stops of cars are those of calls, or none, and follow from the arguments alone."""
+    heights = tuple(3.5 * stop for stop in range(6))
+    storeys = tuple(f"storey {stop}" for stop in range(6))
+    with examining("its next_stop()"):
+        for stop, stops in product(range(6), ((1,), (5,), (2, 4), (1, 2, 3, 4, 5))):
+            car = Car("car", storeys, heights, stop, 0, 13)
+            calls = tuple(StopCall(at, at + 1, 10.0 * at) for at in stops)
+            first, second = (dispatcher.next_stop(car, calls, 60.0) for _ in range(2))
+            require(first is None or first in stops, f"returns {first!r}; return the stop of a call, or None")
+            require(first == second, "differs when it is asked again; choose from the arguments alone")
+
+
 def check_declared_arrays(behaviour: Behaviour, case: Case, ticks: int) -> None:
     """Check that a behaviour reads and writes only what it declares, at the start and in artificial scenes."""
     simulation, used, view = _prepared(case, behaviour.name)
@@ -321,6 +336,7 @@ ALONE: tuple[tuple[type, Callable[..., None]], ...] = (
     (Solver, physics.check_solver),
     (Force, physics.check_force),
     (SmokeLaw, check_speeds),
+    (Dispatcher, check_stops),
     (Importer, check_damaged_files),
 )
 IN_A_CASE: tuple[tuple[type, Callable[..., None]], ...] = (

@@ -28,6 +28,9 @@ BASES = {
 #: The source of conditions for which `evac conditions deck` prints lines.
 DEFAULT_FIRE = "fds"
 
+#: The dispatcher of lifts of a case that names none.
+DEFAULT_DISPATCHER = "top_down"
+
 #: Solvers of the contact problem: that of models, and that of solves in which another solver fails.
 DEFAULT_SOLVER, DEFAULT_STRONGER_SOLVER = "accelerated_sweeps", "conjugate_faces"
 
@@ -64,6 +67,7 @@ KINDS = {
         "evac.conditions.source", "ConditionSource", "conditions_", "classes of sources of smoke, gases and heat"
     ),
     "smoke_law": Kind("evac.conditions.law", "SmokeLaw", "smoke_", "classes of laws of the speed in smoke"),
+    "dispatcher": Kind("evac.people.dispatcher", "Dispatcher", "dispatch_", "classes of dispatchers of lifts"),
 }
 
 

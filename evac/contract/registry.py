@@ -69,8 +69,8 @@ class Registry:
     ----------
     hook
         pluggy's caller of the hooks in `evac.contract.hooks`.
-    contact_models, solvers, forces, behaviours, recorders, importers, exporters, condition_sources, smoke_laws :
-        dict of str to class
+    contact_models, solvers, forces, behaviours, recorders, importers, exporters, condition_sources, smoke_laws,
+    dispatchers : dict of str to class
         Classes by name; do not modify.
     cases : dict of str to Path
         Folder of each shipped case.
@@ -98,6 +98,7 @@ class Registry:
         self.exporters: dict[str, type[Any]] = self._tables["exporter"]
         self.condition_sources: dict[str, type[Any]] = self._tables["condition_source"]
         self.smoke_laws: dict[str, type[Any]] = self._tables["smoke_law"]
+        self.dispatchers: dict[str, type[Any]] = self._tables["dispatcher"]
         self.cases: dict[str, Path] = self._tables["case"]
         self._owners: dict[tuple[str, str], str] = {}
         version = importlib.metadata.version("evac")

@@ -9,6 +9,7 @@ from evac.building.model.findings import Finding
 from evac.building.options import BuildingOptions
 from evac.building.surface.build import build_building
 from evac.building.surface.surfacemesh import SurfaceMesh
+from evac.contract.hooks import DEFAULT_DISPATCHER
 from evac.contract.registry import Registry, built_in, create
 from evac.people.groups import check_people, opens_later
 from evac.people.places import Places, with_places
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from evac.conditions.exposure import Exposure
     from evac.conditions.safety import Safety
     from evac.people.behaviour import Behaviour
+    from evac.people.dispatcher import Dispatcher
     from evac.physics.contact.model import ContactModel
     from evac.physics.force import Force
     from evac.simulation.lifts import Lifts
@@ -185,13 +187,21 @@ def make_exposure(case: "Case", scene: Scene, people: Population) -> "Exposure |
     return Exposure(case, scene, people.crowd, people.groups)
 
 
-def make_lifts(scene: Scene) -> "Lifts | None":
+def make_lifts(case: "Case", scene: Scene) -> "Lifts | None":
     """Return the cars of the lifts of a scene; nothing is imported for a building without lifts."""
     if not scene.building.lifts:
         return None
     from evac.simulation.lifts import Lifts
 
-    return Lifts(scene)
+    return Lifts(scene, make_dispatcher(case))
+
+
+def make_dispatcher(case: "Case") -> "Dispatcher":
+    """Return the dispatcher in use."""
+    made: list[Dispatcher] = _all_made(case, "dispatcher", case.dispatchers)
+    if len(made) > 1:
+        raise ScenarioError(f"{case.source}: dispatchers: {len(made)} are in use; set all but one of them to false")
+    return (made or _all_made(case, "dispatcher", {DEFAULT_DISPATCHER: {}}))[0]
 
 
 def make_safety(case: "Case", building: "Building", people: Population, exposure: "Exposure | None") -> "Safety | None":
@@ -237,7 +247,7 @@ def make_recorders(case: "Case") -> "list[Recorder]":
 def providers(case: "Case") -> list[str]:
     """Return name and version of each plugin that a case uses, and of plugins whose hooks act in every run."""
     used = [*make_importers(case), make_contact_model(case), *make_forces(case), *make_behaviours(case)]
-    return case.registry.providers([*used, *make_recorders(case)])
+    return case.registry.providers([*used, *make_recorders(case), *_all_made(case, "dispatcher", case.dispatchers)])
 
 
 def _all_made(case: "Case", kind: str, tables: Mapping[str, Any]) -> list[Any]:

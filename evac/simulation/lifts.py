@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import ARRIVES, CLOSES, LEAVES, LIFT, OPENS, Change
+from evac.base.errors import fault, plugin_code
 from evac.base.saved import Bounds, Saved
 from evac.building.model.building import Building, Portal
 from evac.building.model.lifts import Lift
+from evac.people.dispatcher import Car, Dispatcher, StopCall
 from evac.physics.extent import extent
 from evac.results.results import LiftUse
 from evac.simulation.doorways import REACH, nearest_points
@@ -88,11 +90,12 @@ class Lifts(Saved):
 
     saved = (
         *("phase", "stop", "to", "until", "waits_since", "trips", "rides"),
-        *("_last", "_count", "_called", "_spot", "_is_led", "_waiting", "_looked"),
+        *("_last", "_count", "_called", "_spot", "_is_led", "_waiting", "_since", "_looked"),
     )
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, dispatcher: Dispatcher) -> None:
         assert scene.people is not None
+        self._dispatcher = dispatcher
         self._scene, self._lifts, self._crowd = scene, scene.building.lifts, scene.people.crowd
         people = len(self._crowd.level)
         self.phase, self.to, self._count = np.zeros((3, len(self._lifts)), np.int64)
@@ -107,6 +110,7 @@ class Lifts(Saved):
         self._lobbies = lobbies_of(scene.building)
         self._lobby = {(car, stop): k for k, one in enumerate(self._lobbies) for car, stop, _ in one.cars}
         self._waiting = np.zeros(len(self._lobbies), np.int64)  # people before the doors of each lobby
+        self._since = np.zeros(len(self._lobbies))  # since when the first of them has waited [s]
         self._looked = -LOOK
 
     @property
@@ -260,23 +264,34 @@ class Lifts(Saved):
         return self._lifts[k].doors[0][0] in self._scene.building.awaited
 
     def _next_stop(self, k: int) -> int | None:
-        """Return the next stop at which more people wait than cars come for, from the top down.
-
-        A car that is out of service goes to its discharge.
-        """
-        lift = self._lifts[k]
+        """Return the next stop of a car: one that its dispatcher chooses, or if it is out of service its discharge."""
+        lift, stop, calls = self._lifts[k], int(self.stop[k]), list[StopCall]()
         if not self._runs(k):
-            return None if self.stop[k] == lift.discharge else lift.discharge
-        for stop in reversed(range(len(lift.rooms))):
-            lobby = self._lobby[k, stop]
-            places = 0
-            for other, at, _ in self._lobbies[lobby].cars:
-                to = int((self.to if self.phase[other] == RIDES else self.stop)[other])
-                if other != k and to == at and self.phase[other] in (OPENING, OPEN, RIDES):
-                    places += self._lifts[other].operation.capacity - len(self._inside(other))
-            if stop != lift.discharge and self._waiting[lobby] > places:
-                return stop
-        return None
+            return None if stop == lift.discharge else lift.discharge
+        for at in range(len(lift.rooms)):
+            lobby = self._lobby[k, at]
+            people = int(self._waiting[lobby]) - self._places_coming(k, lobby)
+            if at != lift.discharge and people > 0:
+                calls.append(StopCall(at, people, float(self._since[lobby])))
+        if not calls:
+            return None
+        car = Car(lift.name, lift.storeys, lift.heights, stop, lift.discharge, lift.operation.capacity)
+        what, dispatcher = f"dispatcher {self._dispatcher.name!r}", self._dispatcher
+        with plugin_code(f"t = {self._scene.time:.3f} s: {what}", dispatcher):
+            to = dispatcher.next_stop(car, tuple(calls), self._scene.time)
+        if to is not None and to not in [call.stop for call in calls]:
+            remedy = f"return the stop of a call, here one of {[call.stop for call in calls]}, or None"
+            raise fault(what, f"returned {to!r:.40} for {lift.name!r}", remedy, dispatcher, "next_stop")
+        return to
+
+    def _places_coming(self, k: int, lobby: int) -> int:
+        """Return the places in other cars that are, or will be next, before the doors of a lobby."""
+        places = 0
+        for other, at, _ in self._lobbies[lobby].cars:
+            to = int((self.to if self.phase[other] == RIDES else self.stop)[other])
+            if other != k and to == at and self.phase[other] in (OPENING, OPEN, RIDES):
+                places += self._lifts[other].operation.capacity - len(self._inside(other))
+        return places
 
     def _look(self) -> None:
         """Note who waits before the doors of each lobby, and since when."""
@@ -284,6 +299,7 @@ class Lifts(Saved):
         for number, lobby in enumerate(self._lobbies):
             rows, _ = self._before(lobby)
             self._waiting[number] = len(rows)
+            self._since[number] = np.fmin.reduce(self.waits_since[rows], initial=self._scene.time)
             waits[rows] = True
         rides = np.isin(self._crowd.level, [room for lift in self._lifts for room in lift.rooms])
         self.waits_since[~waits & ~rides] = np.nan

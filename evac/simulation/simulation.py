@@ -188,7 +188,7 @@ class Simulation(Saved):
             self.scene = Scene(shared_scene, self.population, self.places, everywhere, case.directions.quickest, keeps)
             with naming(case.source):
                 self.timetable = Timetable(case.events, self.scene)
-            self.lifts = assembly.make_lifts(self.scene)
+            self.lifts = assembly.make_lifts(case, self.scene)
             self.exposure = assembly.make_exposure(case, self.scene, self.population)
             self.safety = assembly.make_safety(case, building, self.population, self.exposure)
             self.outside = PeopleOutside(building, crowd) if keeps else None

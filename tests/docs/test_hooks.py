@@ -67,6 +67,7 @@ KINDS = {
     ),
     "evac_smoke_laws": ("smoke_law", "SmokeLaw", "def speed(self, desired, extinction)"),
     "evac_recorders": ("recorder", "Recorder", ""),
+    "evac_dispatchers": ("dispatcher", "Dispatcher", "def next_stop(self, car, calls, time)"),
 }
 
 
