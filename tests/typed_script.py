@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import evac
+from evac.people.dispatcher import Car, StopCall
 from evac.physics.state import Crowd
 
 
@@ -65,6 +66,15 @@ class Haze(evac.SmokeLaw):
 
     def speed(self, desired: NDArray[np.float64], extinction: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.where(extinction > 0.0, 0.5 * desired, desired)
+
+
+class Lowest(evac.Dispatcher):
+    """The lowest storey first."""
+
+    name = "lowest"
+
+    def next_stop(self, car: Car, calls: Sequence[StopCall], time: float) -> int | None:
+        return calls[0].stop
 
 
 class Steam(evac.ConditionSource):

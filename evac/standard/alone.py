@@ -28,6 +28,9 @@ SPEED_BY_AGE = {20: 1.61, 30: 1.54, 40: 1.48, 50: 1.41, 60: 1.27, 70: 1.07}
 DEVIATION = 0.31
 PER_AGE = 50
 
+#: Cars act at the beginning of ticks: a time between two of their acts has twice the length of one as error [s].
+TWO_TICKS = 0.2 + 1e-6
+
 #: Distance of lanes in which people walk side by side without interaction [m].
 LANE = 2.0
 
@@ -131,6 +134,35 @@ def escalator(trial: Trial, speed: float = 0.5, own: float = 0.6, width: float =
         levels = one.trajectory.level
         wrong.append(float((levels[:, :4] == steep["down"]).sum() + (levels[:, 4:] == steep["up"]).sum()))
     yield check("states of people who go the wrong way", "they must not", wrong, 0.0, 0.0)
+
+
+@standard_test("NIST-2.7 ISO-20", "a lift: called, ridden and left")
+def lift(
+    trial: Trial, rise: float = 3.5, speed: float = 1.0, doors: tuple[float, float] = (2.0, 3.0)
+) -> Iterator[Check]:
+    """Time a person above, whom a car fetches from below; flights and doors by hand, walking at 1 m/s from rest."""
+    opening, closing = doors
+    operation = {"speed": speed, "acceleration": 0.8, "jerk": 1.0, "start_delay": 0.5}
+    operation |= {"opening": opening, "closing": closing, "dwell": 5.0}
+    plan = Plan()
+    for name, z in (("lower", 0.0), ("upper", rise)):
+        plan.storey(name, box(0, 0, 10, 4), z)
+    plan.lift("lift", ["lower", "upper"], box(10.2, 1.2, 11.8, 2.8), across(10.2, 1.5, 2.5), operation=operation)
+    plan.exit("door", "lower", across(0, 1, 3))
+    flight = 0.5 + rise / speed + speed / 0.8 + 0.8 / 1.0  # with the delay of the start; the rated speed is reached
+    runs = list(trial.runs(plan, [_place(2.0, 2.0, rise, speed=1.0, lifts="preferred")]))
+    times = {row: [float(one.results.changes[row].time) for one in runs] for row in range(8)}
+    for first, last, by_hand, words in (
+        (0, 2, flight + opening, "from the call to open doors above"),
+        (3, 6, closing + flight + opening, "from doors that begin to close above to open doors below"),
+    ):
+        found = [there - here for here, there in zip(times[first], times[last], strict=True)]
+        yield check(f"time {words} [s]", "by hand, ± 2 ticks", found, by_hand - TWO_TICKS, by_hand + TWO_TICKS)
+    out = [one.last_out() - opened for one, opened in zip(runs, times[6], strict=True)]
+    by_hand = 11.5 + ONE["tau"]  # from the back of the car
+    yield check("time from open doors below to the exit [s]", "by hand, ± 5 %", out, 0.95 * by_hand, 1.05 * by_hand)
+    people = [float(one.results.lifts[0]["people"]) for one in runs]
+    yield check("people carried", "the standard", people, 1.0, 1.0)
 
 
 @standard_test("RiMEA-5 IMO-5", "response times, and nobody moves before", runs=5)

@@ -43,7 +43,7 @@ class StandardTest:
     title: str
     measure: "Callable[[Trial], Iterable[Check]] | None" = None  # yields the checks of a trial; None if it is not run
     runs: int = 1  # number of seeds; 1 where nothing is drawn
-    why: str = ""  # why it is not run, which begins with `NOT_YET` or `NOT_APPLICABLE`
+    why: str = ""  # why it is not run, which begins with `NOT_APPLICABLE`
     by_design: str = ""  # why the default movement fails it; empty if it should pass
 
     @property

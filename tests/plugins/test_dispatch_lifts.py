@@ -74,12 +74,8 @@ def test_a_dispatcher_that_sends_a_car_where_nobody_calls_is_named(tmp_path):
         "from evac import Dispatcher\nevac_interface = 3\nclass Wrong(Dispatcher):\n    '''Wrong.'''\n"
         "    name = 'wrong'\n    def next_stop(self, car, calls, time):\n        return 17\n"
     )
-    table = {
-        "building": tower(),
-        "people": [group(1, "s1")],
-        "contact": {"model": "nsm1"},
-        "dispatchers": {"wrong": {}},
-    }
+    table = {"building": tower(), "people": [group(1, "s1")], "contact": {"model": "nsm1"}}
+    table["dispatchers"] = {"wrong": {}}
     simulation = Simulation(evac.load(table, plugin_files=[file]))
     with pytest.raises(evac.PluginError, match=r"wrong.*17"):
         simulation.run()
