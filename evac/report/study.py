@@ -48,7 +48,7 @@ PERCENTILES = (5, 50, 95)
 
 #: Tables of the sections over runs.
 WHO, WHAT = ("shares", "groups", "phases", "exits"), ("queues", "congestion", "doses", "outcomes")
-WHERE = ("levels", "stairs", "flows")
+WHERE = ("levels", "stairs", "merging", "flows")
 
 #: Greatest number of runs that are listed one by one; the others are in runs.csv.
 MOST_LISTED = 100

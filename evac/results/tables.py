@@ -68,6 +68,10 @@ TABLES = {
         ("stair", *USED),
         "not cleared",
     ),
+    "merging": Kind(
+        "Stairs that people enter from a floor and from other stairs; the share is that of the floor while both came",
+        ("stair", "floor", "people from stairs", "people from the floor", "share of the floor [%]"),
+    ),
     "flows": Kind(
         "Lines of the case, doors, and the portals with the greatest specific flows; flows.csv has all of them over"
         " time",
@@ -114,6 +118,7 @@ def tables_of(run: "Results") -> dict[str, Rows]:
         "outcomes": list(_outcomes(run)),
         "levels": _used(run.levels),
         "stairs": _used(run.stairs),
+        "merging": in_order(_merging(run), itemgetter(0)),
         "flows": _flows(run.flow_totals),
     }
 
@@ -171,6 +176,29 @@ def _used(places: Mapping[str, Occupancy]) -> Rows:
         (name, use["people"], use["greatest_number"], never[name] if use["last_left"] is None else use["last_left"])
         for name, use in places.items()
     ]
+
+
+def _merging(run: "Results") -> Iterator[tuple[Any, ...]]:
+    """Yield each stair with a floor from which people entered it, some of whom had come there by other stairs."""
+    if run.building_or_none is None:
+        return
+    names, ways = [level.stair or level.title for level in run.building.levels], list[tuple[int, float, str, str]]()
+    for line in (line for line in run.flows if line.kind == "portal"):
+        first, second = (names[level] for level in line.levels)
+        for person, time, forward in zip(line.person, line.time, line.forward, strict=True):
+            ways.append((int(person), float(time), *((first, second) if forward else (second, first))))
+    came = dict[tuple[str, str], tuple[list[float], list[float]]]()  # times of those from stairs, and of the others
+    stair_of = dict[int, str]()  # the last stair of each person
+    for person, time, old, new in sorted(ways):
+        if old in run.stairs:
+            stair_of[person] = old
+        elif new in run.stairs and stair_of.get(person) != new:
+            came.setdefault((new, old), ([], []))[person not in stair_of].append(time)
+    for place, both in came.items():
+        if all(both):
+            since, until = max(map(min, both)), min(map(max, both))
+            stairs, floor = (sum(since <= time <= until for time in times) for times in both)
+            yield *place, *map(len, both), 100.0 * floor / (stairs + floor) if floor else None
 
 
 def _flows(flows: Sequence[FlowUse]) -> Rows:

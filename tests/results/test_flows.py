@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from shapely import box
 
 import evac
 from evac.results.reading import recorded_flows
@@ -51,3 +52,26 @@ def test_summary_pictures_and_what_is_read_have_the_same_flows(folder):
     shown = {flow.name: flow.flow for flow in recorded_flows(results.trajectory)}
     assert shown["door"] == summary["flows"][0]["flow"]
     assert shown == {flow.name: flow.flow for flow in results.flows}
+
+
+def test_people_from_stairs_and_from_the_floor_merge_in_a_row_of_the_tables():
+    plan = evac.Plan()
+    for k, name in enumerate(("ground", "first", "second")):
+        plan.storey(name, box(0, 0, 16, 6), z=3.0 * k)
+    plan.stair("low", "ground", [(5, 1), (5, 2.2)], "first", length=5.0, direction=(1, 0))
+    plan.stair("high", "first", [(5, 4), (5, 5.2)], "second", length=5.0, direction=(1, 0))
+    plan.exit("out", "ground", [(0, 2), (0, 4)])
+    people = [{"name": f"on {one}", "level": one, "number": 6, "radius": 0.2} for one in ("first", "second")]
+    late = {"response_time": {"time": {"uniform": [0.0, 20.0]}}}
+    case = evac.load({"building": plan, "people": people, "contact": {"model": "nsm1"}, "behaviours": late})
+    results = evac.run(case, progress=False)
+    assert results.evacuated == 12
+    ((*place, from_stairs, from_floor, share),) = results.tables["merging"]
+    assert (place, from_stairs, from_floor) == (["low", "first"], 6, 6)
+    (top,) = (one for one in results.building.portals if one.name == "low - first")
+    person, portal, time = results.crossings
+    entered = {p: float(time[(person == p) & (portal == top.index)][0]) for p in range(12)}
+    floor, stairs = (sorted(entered[p] for p in results.groups[k].rows) for k in range(2))
+    since, until = max(floor[0], stairs[0]), min(floor[-1], stairs[-1])
+    both = [sum(since <= t <= until for t in times) for times in (floor, stairs)]
+    assert share == (pytest.approx(100.0 * both[0] / sum(both)) if both[0] else None)
