@@ -3,6 +3,7 @@
 import base64
 import json
 import math
+import threading
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -23,7 +24,7 @@ class Pictures:
     """The pictures of the storeys of a file: of each, its content, its lower left corner and its width [m]."""
 
     def __init__(self, file: Path) -> None:
-        self.file = file.with_name(file.name + PICTURES)
+        self.file, self._lock = file.with_name(file.name + PICTURES), threading.Lock()
 
     def all(self) -> dict[str, Any]:
         """Return the pictures by storey; what is not valid is left out."""
@@ -42,15 +43,16 @@ class Pictures:
         EvacError
             It is neither PNG nor JPEG, or too large, or it is nowhere; or the file cannot be written.
         """
-        rows = self.all()
-        if given is None:
-            rows.pop(storey, None)
-        else:
-            rows[storey] = _checked({**rows.get(storey, {}), **given})
-        if rows:
-            write_json(self.file, rows, "the pictures")
-        else:
-            self.file.unlink(missing_ok=True)
+        with self._lock:
+            rows = self.all()
+            if given is None:
+                rows.pop(storey, None)
+            else:
+                rows[storey] = _checked({**rows.get(storey, {}), **given})
+            if rows:
+                write_json(self.file, rows, "the pictures")
+            else:
+                self.file.unlink(missing_ok=True)
         return {"storeys": list(rows)}
 
 

@@ -7,6 +7,7 @@ import random
 import sys
 import tempfile
 import threading
+import time
 import traceback
 from pathlib import Path
 
@@ -152,24 +153,33 @@ def main(count):
     shutil.copytree(ROOT / "buildings", place / "buildings")
     evac(["new", str(place / "new")])
     cases = [place / "new", *(path.parent for path in sorted((place / "buildings").glob("*/case.toml")))]
-    cases += [written(seed, place / str(seed)) for seed in range(count)]
     (place / "profile").mkdir()
     browser = Browser(find_chromium(), place / "profile")
     steps = failed = 0
-    for seed, case in enumerate(cases):
+
+    def through(server, seed, name):
+        nonlocal steps, failed
+        try:
+            page = Page(browser, server)
+            steps += taken_through(page, seed)
+            page.close()
+        except AssertionError as error:
+            failed += 1
+            line = traceback.extract_tb(error.__traceback__)[-1].line
+            print(f"{name}: {line}: {str(error)[:300]}", flush=True)
+
+    for case in [*cases, written(0, place / "generated")]:
         with Server(Session(case)) as server:
             threading.Thread(target=server.serve_forever, daemon=True).start()
-            try:
-                page = Page(browser, server)
-                steps += taken_through(page, seed)
-                page.close()
-            except AssertionError as error:
-                failed += 1
-                line = traceback.extract_tb(error.__traceback__)[-1].line
-                print(f"{case}: {line}: {str(error)[:300]}", flush=True)
+            for seed in range(count if case.name == "generated" else 1):
+                if case.name == "generated":
+                    time.sleep(0.5)  # in which the page before writes its journal
+                    shutil.rmtree(case)
+                    written(seed, case)
+                through(server, seed, f"{case.name} {seed}")
             server.shutdown()
     browser.close()
-    print(f"{len(cases)} cases, {steps} edits, {failed} that differ")
+    print(f"{len(cases) + count} cases, {steps} edits, {failed} that differ")
 
 
 if __name__ == "__main__":

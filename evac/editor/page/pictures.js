@@ -4,7 +4,7 @@ const IMAGES = ["image/png", "image/jpeg"];
 
 class Pictures {
   constructor(view, store, act) {
-    Object.assign(this, { view, store, act, all: {}, points: null });
+    Object.assign(this, { view, store, act, all: {}, points: null, last: null });
     const place = (change) => ({ target: { valueAsNumber: value } }) => { if (Number.isFinite(value) && this.own) this.put(change(this.own, value)); };
     by("picture-file").addEventListener("change", ({ target }) => { this.take(target.files[0]); target.value = ""; });
     by("picture-left").addEventListener("change", place(({ at: [, y] }, x) => ({ at: [x, y] })));
@@ -48,9 +48,10 @@ class Pictures {
     const { name } = this, { data, ...place } = change;
     Object.assign(this.all[name], place);
     this.show();
+    const { at, width } = this.all[name], order = { storey: name, picture: { at, width, ...(data ? { data } : {}) } };
     try {
-      const { at, width } = this.all[name];
-      await ask("picture", { storey: name, picture: { at, width, ...(data ? { data } : {}) } });
+      this.last = Promise.resolve(this.last).catch(() => null).then(() => ask("picture", order));  // One after the other.
+      await this.last;
     } catch (error) {
       this.act.warn(error.message);
     }
