@@ -285,6 +285,6 @@ def _row(element: _Element, numbers: list[float]) -> dict[str, list[float]]:
 
 def _whole(value: float) -> int:
     """Return the integer that a corner or a number of corners must be."""
-    if not float(value).is_integer():
-        raise ValueError(f"{value:g} is not an integer")
+    if not float(value).is_integer() or abs(value) > 2**31:
+        raise ValueError(f"{value:g} is not an integer, or too large")
     return int(value)

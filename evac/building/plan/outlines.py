@@ -123,7 +123,7 @@ def inclined_of(given: Shape) -> tuple[BaseGeometry, ...]:
         corners = shapely.get_coordinates(part, include_z=True)
         if part.geom_type != "Polygon" or not part.has_z or not (np.abs(corners) <= FARTHEST).all():
             raise ValueError("an inclined polygon needs corners with heights, such as POLYGON Z ((0 0 0, 1 0 0, ...))")
-        if not part.is_valid or part.area < LEAST_LENGTH:
+        if not part.is_valid or part.area < LEAST_AREA:
             raise ValueError(f"an inclined polygon is not valid: {shapely.is_valid_reason(part)}; correct its corners")
     return tuple(shapely.transform(part, rounded, include_z=True) for part in parts)
 
