@@ -4,11 +4,12 @@ import base64
 import re
 import zlib
 
+import numpy as np
 import pytest
 
 from evac.base.errors import ResultError
 from evac.replay.account import account_of_run
-from evac.replay.writer import replay_trajectory
+from evac.replay.writer import packed, replay_trajectory
 from evac.trajectory.trajectory import read_trajectory
 
 
@@ -31,7 +32,8 @@ def test_states_are_chosen_by_time(descent, monkeypatch):
     assert replay_trajectory(trajectory, path.with_name("all.html")) == 9
     assert replay_trajectory(trajectory, path.with_name("few.html"), every=1.0) == 5
     # Nearest to 0, 0.8, ... 3.2 s are 0, 1, 1.5, 2.5 and 3 s.
-    assert replay_trajectory(trajectory, path.with_name("few.html"), every=0.8) == 6
+    times = np.frombuffer(zlib.decompress(packed(trajectory, every=0.8).streams()["times"]))
+    assert times.tolist() == [0.0, 1.0, 1.5, 2.5, 3.0, 4.0]
     assert replay_trajectory(trajectory, path.with_name("few.html"), every=100.0) == 2
     monkeypatch.setattr("evac.replay.writer.MOST_STATES", sum(len(trajectory[k]["person"]) for k in range(9)) // 2)
     assert replay_trajectory(trajectory, path.with_name("large.html")) == 4  # 0, 1.5, 3 and 4 s
