@@ -126,16 +126,16 @@ class _Exceeding:
     def add(self, frames: NDArray[np.int64], densities: FloatArray) -> None:
         np.maximum(self.greatest, densities.max(axis=0), out=self.greatest)
         for row in np.flatnonzero((densities > self._density).any(axis=(1, 2))).tolist():
-            k, exceeded = int(frames[row]), densities[row] > self._density
+            k, cells = int(frames[row]), np.flatnonzero(densities[row] > self._density)
             span = self._end[k] - self._time[k]
-            self.total[exceeded] += span
-            if k > self._before + 1:
-                self._spell[:] = 0.0
+            self.total.flat[cells] += span
+            spell = span + (self._spell.flat[cells] if k == self._before + 1 else 0.0)
             self._before = k
-            self._spell = np.where(exceeded, self._spell + span, 0.0)
-            np.maximum(self._longest, self._spell, out=self._longest)
-            self._first[exceeded & np.isnan(self._first)] = self._time[k]
-            self._last[exceeded] = self._end[k]
+            self._spell[:] = 0.0
+            self._spell.flat[cells] = spell
+            self._longest.flat[cells] = np.maximum(self._longest.flat[cells], spell)
+            self._first.flat[cells[np.isnan(self._first.flat[cells])]] = self._time[k]
+            self._last.flat[cells] = self._end[k]
 
     def places(self, building: Building, level: Level, least_time: float) -> Iterator[CongestedPlace]:
         """Yield the connected places in which the threshold was exceeded for longer than the least time."""

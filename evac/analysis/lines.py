@@ -256,10 +256,10 @@ def _moved(trajectory: Trajectory) -> Iterator[_Moved]:
             if segments:
                 nearest = shapely.shortest_line(shapely.MultiLineString(segments), shapely.points(start[left]))
                 end[left] = shapely.get_coordinates(nearest).reshape(-1, 2, 2)[:, 0]
-        moved = np.isfinite(end[:, 0]) & (start != end).any(axis=1)
+        moved = np.flatnonzero(np.isfinite(end[:, 0]) & (start != end).any(axis=1))
         after = np.where(part.target < 0, part.level, part.target)
-        rows = (column[moved] for column in (part.person, part.level, after, start, end, part.frame))
-        person, level, after, start, end, frame = rows
+        columns: tuple[NDArray[Any], ...] = (part.person, part.level, after, start, end, part.frame)
+        person, level, after, start, end, frame = (column.take(moved, 0) for column in columns)
         yield _Moved(person, level, after, start, end, time[frame], span[frame])
 
 
@@ -274,7 +274,7 @@ def _through(moved: _Moved, level: int, segment: FloatArray) -> Passages:
     first, last = (segment[2:], segment[:2]) if is_reversed else (segment[:2], segment[2:])
     along = last - first
     here = np.flatnonzero((moved.level == level) | (moved.after == level))
-    start, end = moved.start[here] - first, moved.end[here] - first
+    start, end = moved.start.take(here, 0) - first, moved.end.take(here, 0) - first
     before = along[0] * start[:, 1] - along[1] * start[:, 0]  # positive to the left
     after = along[0] * end[:, 1] - along[1] * end[:, 0]
     turns = np.flatnonzero((before < 0.0) != (after < 0.0))

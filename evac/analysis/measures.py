@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray, IntArray
+from evac.base.arrays import FloatArray, IntArray, pairs_of
 from evac.base.phases import told
 from evac.building.model.elevation import gradients, in_space
 from evac.trajectory.trajectory import Trajectory
@@ -82,7 +82,10 @@ class Records(NamedTuple):
 
     def chosen(self, rows: NDArray[np.bool_] | NDArray[np.int64] | slice) -> "Records":
         """Return some of the rows, (s,) bool, or their numbers."""
-        return Records._make(column[rows] for column in self)
+        if isinstance(rows, slice):
+            return Records._make(column[rows] for column in self)
+        numbers = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
+        return Records._make(column.take(numbers, 0) for column in self)
 
     def by_level(self) -> "Iterator[tuple[int, Records]]":
         """Yield each level on which somebody is, with the rows of the people there."""
@@ -114,7 +117,8 @@ def records(
         if number + 1 < len(chosen):
             later = chosen[number + 1]
             _, here, there = np.intersect1d(person, later.person, assume_unique=True, return_indices=True)
-            after[here] = later.motion[there, :2].astype(np.float64) + trajectory.origin
+            place = later.motion.take(there, 0)[:, :2].astype(np.float64) + trajectory.origin
+            pairs_of(after)[here] = pairs_of(place)
             target[here] = later.level[there]
         measures = measuring.add(now.time, person, speed, now.started, motion[:, 4])
         frame, place = np.full(len(person), number), motion[:, :2] + trajectory.origin
