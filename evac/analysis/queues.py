@@ -154,7 +154,13 @@ def _whole_spans(trajectory: Trajectory, ways: "_Ways") -> Iterator[Records]:
 
 
 def _cause(building: Building, line: LineFlow) -> tuple[str, str]:
-    """Return kind and name of what people wait for before a line: of an end of a stair, the stair or its shaft."""
+    """Return kind and name of what people wait for before a line: of an end of a stair, the stair or its shaft.
+
+    Before the doors of a lift it is its bank, or the lift.
+    """
+    for lift in building.lifts if line.kind == "portal" else ():
+        if not {*lift.rooms}.isdisjoint(line.levels):
+            return "lift", lift.operation.bank or lift.name
     for name, stairs in building.shafts.items() if line.kind == "portal" else ():
         if not {building.levels[level].stair for level in line.levels}.isdisjoint(stairs):
             return "shaft" if len(stairs) > 1 else "stair", name
@@ -184,6 +190,8 @@ class _Ways:
         self._key = self._person * self._end + np.minimum(self._passed, self._time[-1])
         bins = int(self._end // SPAN) + 1
         self._watched, self._waited = np.zeros((2, 2 * len(self.lines), bins))  # [s]
+        cars = {room for lift in self.building.lifts for room in lift.rooms}
+        self._into_cars = np.repeat([not cars.isdisjoint(line.levels) for line in self.lines], 2).astype(np.bool_)
 
     def _next(self, rows: Records) -> NDArray[np.int64]:
         """Return the place among all passages of the next one of each row, which may be one of somebody else."""
@@ -209,6 +217,7 @@ class _Ways:
         place = self._next(rows)
         passes = there[place] == rows.person
         seen, goes_on = self._watched > 0.0, self._waited > GOES_ON * self._watched
+        goes_on[self._into_cars] = False  # in which people stand
         last = np.maximum.accumulate(np.where(seen, np.arange(seen.shape[1]), 0), axis=1)
         goes_on = np.take_along_axis(goes_on, last, axis=1)  # until somebody passes again
         span = (self._time[rows.frame] // SPAN).astype(np.int64)

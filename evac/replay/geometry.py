@@ -90,7 +90,7 @@ def _level(building: Building, level: Level, origin: FloatArray) -> dict[str, An
         "name": level.title,
         "kind": level.kind,
         "plane": [round(c + a * origin[0] + b * origin[1], 5), round(a, 7), round(b, 7)],
-        "uneven": not is_even(building, level),
+        "uneven": not is_even(building, level) or level.kind == "car",  # cars move
         "z": [round(level.z_min, 3), round(level.z_max, 3)],
         "triangles": level.triangles.ravel().tolist(),
         "walls": _segments(building, walls[~is_low], level.index, origin),

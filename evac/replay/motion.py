@@ -36,7 +36,7 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.defaults import CONTRAST
 from evac.building.model.building import Building, Level
 from evac.building.model.cells import LevelField
-from evac.building.model.elevation import PLANE, elevation
+from evac.building.model.elevation import PLANE
 from evac.pictures.palette import DEPTH
 from evac.trajectory.trajectory import Frame
 
@@ -89,7 +89,7 @@ class MotionPacker:
         self._smoke = np.zeros(0 if smoke is None else smoke.size, np.uint8)  # in the previous frame
         self.origin: FloatArray = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
         self._planes = [level_plane(building, level) for level in building.levels]
-        self._uneven = np.array([not is_even(building, level) for level in building.levels])
+        self._uneven = np.array([not is_even(building, level) or level.kind == "car" for level in building.levels])
         self._level, self._first_level = np.full((2, people), -1, np.int32)  # in the previous frame, and in the first
         # Positions in the person's last frame, and in the first one of the run; velocities of the last frame.
         self._last, self._first, self._velocity = np.zeros((3, people, 2), np.int64)
@@ -147,7 +147,7 @@ class MotionPacker:
         if uneven.size:
             plane = np.array(self._planes)[level[uneven]]
             height = plane[:, 0] + (plane[:, 1:] * position[uneven]).sum(axis=1)
-            off = elevation(self.building, level[uneven], position[uneven]) - height
+            off = frame["z"][uneven] - height
             self._numbers("heights", np.rint(off / GRAIN).astype(np.int64))
 
     @property

@@ -137,9 +137,7 @@ class DoorRow(TypedDict):
 
 
 class LiftUse(TypedDict):
-    """What a lift has carried: `trips` with people, the mean share of its `capacity` that they took, the `people`, and
-    their waits before its doors [s].
-    """
+    """What a lift has carried; times [s]."""
 
     name: str
     storeys: Sequence[str]
@@ -149,6 +147,8 @@ class LiftUse(TypedDict):
     mean_load: Amount | None
     mean_wait: Amount | None
     longest_wait: Amount | None
+    last_ride: Amount | None
+    by_hand: Amount | None
 
 
 class StuckPlace(TypedDict):
@@ -249,8 +249,10 @@ class Results:
     """Name, level and clear width [m] of each door between rooms that the building file names, as plans do."""
     lifts: Sequence[LiftUse] = ()
     """For each lift: the names of its `storeys` from bottom to top and its `capacity`; the `trips` with people, the
-    `people` carried, the mean share of the capacity in these trips (`mean_load`), and the `mean_wait` and
-    `longest_wait` before its doors [s] (null: it has carried nobody)."""
+    `people` carried, the mean share of the capacity in these trips (`mean_load`), the `mean_wait` and
+    `longest_wait` before its doors, when the doors have opened after the last of the trips (`last_ride`) [s]; and how
+    long a calculation by hand takes for the people whom its bank has carried (`by_hand`) [s], see docs/lifts.md (null:
+    it has carried nobody)."""
     routes: Annotated[Sequence[Route], Field(min_length=1)]
     """For each route: `exits` (none: any exit), `strategy`, `steepest` (steepest stair or ramp that it uses, rise over
     run; null: any), `refuge` (the area in which it ends instead of at an exit) and `lifts` (how it uses lifts)."""

@@ -72,6 +72,13 @@ TABLES = {
         "Stairs that people enter from a floor and from other stairs; the share is that of the floor while both came",
         ("stair", "floor", "people from stairs", "people from the floor", "share of the floor [%]"),
     ),
+    "lifts": Kind(
+        "Lifts; by hand: the time in which the cars of its bank bring as many people down, 10 % longer than full trips",
+        (
+            *("lift", "trips", "people", "mean load [%]", "mean wait [s]", "longest wait [s]"),
+            *("last ride ends [s]", "by hand [s]"),
+        ),
+    ),
     "flows": Kind(
         "Lines of the case, doors, and the portals with the greatest specific flows; flows.csv has all of them over"
         " time",
@@ -101,6 +108,13 @@ def tables_of(run: "Results") -> dict[str, Rows]:
         "phases": [
             (phase["name"], ", ".join(phase["of"]), phase["people"], *(phase[name] for name in times))  # type: ignore[literal-required]
             for phase in run.phase
+        ],
+        "lifts": [
+            (
+                *(one["name"], one["trips"], one["people"], 100.0 * (one["mean_load"] or 0.0), one["mean_wait"]),
+                *(one["longest_wait"], one["last_ride"], one["by_hand"]),
+            )
+            for one in run.lifts
         ],
         "queues": [
             (

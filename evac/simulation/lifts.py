@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import ARRIVES, CLOSES, LEAVES, LIFT, OPENS, Change
-from evac.base.errors import fault, plugin_code
+from evac.base.errors import counted, fault, plugin_code
 from evac.base.saved import Bounds, Saved
 from evac.building.model.building import Building, Portal
 from evac.building.model.lifts import Lift
@@ -29,6 +29,10 @@ PATIENCE = 2.0
 
 #: Time that doors stay open longer while people come who were called from other doors of the bank [s].
 COMING = 10.0
+
+#: Of the calculation by hand: time in which one person gets in or out, and the least for all [s], and the share by
+#: which trips take longer.
+TRANSFER, LEAST_TRANSFER, INEFFICIENCY = 1.0, 4.0, 0.1
 
 #: Distance from a door from which people call the lift [m], and time between two looks at who does [s].
 CALL, LOOK = 5.0, 0.5
@@ -132,21 +136,51 @@ class Lifts(Saved):
         """Return what each lift has carried so far."""
         rows = []
         for k, lift in enumerate(self._lifts):
-            people = self.trips[self.trips[:, 0] == k][:, Trip._fields.index("people")]
+            own = self.trips[self.trips[:, 0] == k].tolist()
+            trips = [Trip(k, time, int(origin), int(to), int(n), mass) for _, time, origin, to, n, mass in own]
             waits, capacity = self.rides[self.rides[:, 1] == k][:, 2], lift.operation.capacity
+            ends = [one.time + lift.flight(one.origin, one.to) + lift.operation.opening for one in trips]
             rows.append(
                 LiftUse(
                     name=lift.name,
                     storeys=list(lift.storeys),
                     capacity=capacity,
-                    trips=len(people),
+                    trips=len(trips),
                     people=len(waits),
-                    mean_load=float(people.mean() / capacity) if len(people) else None,
-                    mean_wait=float(waits.mean()) if len(waits) else None,
-                    longest_wait=float(waits.max()) if len(waits) else None,
+                    mean_load=float(np.mean([one.people / capacity for one in trips])) if trips else None,
+                    mean_wait=float(waits.mean()) if trips else None,
+                    longest_wait=float(waits.max()) if trips else None,
+                    last_ride=max(ends) if trips else None,
+                    by_hand=self._by_hand(k) if trips else None,
                 )
             )
         return rows
+
+    def _by_hand(self, k: int) -> float:
+        """Return the time by hand in which the cars of a bank bring the people down whom they have brought [s].
+
+        It is that of ELVAC (Klote and Alvord, NISTIR 4730, 1992): the round trips of full cars from each storey over
+        the number of cars, and longer by a share; people get in and out one after the other.
+        """
+        lift, own = self._lifts[k], self._lifts[k].operation
+        bank = [other for other, one in enumerate(self._lifts) if one is lift or own.bank == one.operation.bank]
+        bank, total = bank if own.bank else [k], 0.0
+        trips = self.trips[np.isin(self.trips[:, 0], bank)]
+        for stop in np.unique(trips[:, 2]).astype(int).tolist():
+            left = int(trips[trips[:, 2] == stop][:, Trip._fields.index("people")].sum())
+            for people in [own.capacity] * (left // own.capacity) + [left % own.capacity] * (left % own.capacity > 0):
+                transfer = 2.0 * max(LEAST_TRANSFER, TRANSFER * people)
+                total += 2.0 * (lift.flight(lift.discharge, stop) + own.opening + own.closing) + transfer
+        return (1.0 + INEFFICIENCY) * total / len(bank)
+
+    def notes(self) -> tuple[str, ...]:
+        """Return a line on each lift that has carried people."""
+        return tuple(
+            f"lift {one['name']!r}: {counted(one['people'], 'person', 'people')} in {counted(one['trips'], 'trip')}, "
+            f"who waited {one['mean_wait']:.1f} s on average and {one['longest_wait']:.1f} s at most"
+            for one in self.use()
+            if one["trips"]
+        )
 
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of phases, stops, times and people."""

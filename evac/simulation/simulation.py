@@ -367,7 +367,7 @@ class Simulation(Saved):
             seed=self.seed,
             places=self.places.people_at(),
             entered_barred=self.scene.entered,
-            notes=(*self._shut_in(), *self.deciding.notes()),
+            notes=(*self._shut_in(), *self.deciding.notes(), *(() if self.lifts is None else self.lifts.notes())),
             warnings=self.warnings(),
             report=self.engine.contact_report(self.contact) | {"promised_overlap": self.watch.promised},
             chatter=self.watch.chatter(),
