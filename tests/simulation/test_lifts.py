@@ -115,7 +115,9 @@ def test_a_full_car_leaves_the_others_waiting_by_persons_and_by_load():
     assert by_load.lifts.trips[:, 4].tolist() == [3.0, 3.0, 3.0]
     use = by_load.results().lifts[0]
     assert (use["trips"], use["people"]) == (3, 9)
-    assert 0.0 < use["mean_wait"] < use["longest_wait"]
+    assert 0.0 < use["mean_wait"] < use["longest_wait"] < use["last_ride"]
+    by_hand = 1.1 * 3 * (2.0 * (by_load.building.lifts[0].flight(0, 1) + 5.0) + 8.0)  # 4 s at least, in and out
+    assert by_persons.results().lifts[0]["by_hand"] == pytest.approx(by_hand)
 
 
 def test_only_those_who_ride_get_in_and_who_cannot_use_stairs_rides():
