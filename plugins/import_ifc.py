@@ -152,6 +152,8 @@ def _bodies(
         else:
             why = UNUSED.get(name, "people walk neither on nor around them")
             findings.append(Finding("left out", f"{many} {name}: {why}", element=name, number=many))
+    uses = {number: _use(one) for number, one in read.entities.items() if _kind(one) == "space"}
+    begun = Counter(use.partition(" ")[0] for use in uses.values())
     for number in sorted(read.entities):
         element = read.entities[number]
         kind = _kind(element)
@@ -167,7 +169,8 @@ def _bodies(
             findings.append(Finding("missing" if is_needed else "left out", text, element=kind))
             continue
         storey, opening = storeys.get(number, ""), fills.get(number, -1)
-        use = _use(element) if kind == "space" else ""
+        use = uses.get(number, "")  # rooms whose names begin alike, such as with "office", have one use
+        use = use.partition(" ")[0] if begun[use.partition(" ")[0]] > 1 else use
         bodies.append(Body(kind, _label(number, element), points, triangles, number, storey, opening, use))
     return bodies
 

@@ -400,10 +400,11 @@ def test_a_stair_that_turns_back(tmp_path, landing):
 def test_the_use_of_a_space_is_the_words_of_its_name(tmp_path):
     ifc = IfcFile()
     ifc.storey("L0", 0.0)
-    for k, name in enumerate(("Treppenhaus 1", "Office 12", "001")):
+    for k, name in enumerate(("Treppenhaus 1", "Office Miller", "Office 12", "Seminar room", "001")):
         ifc.space(name, [(9 * k, 0), (9 * k + 8, 0), (9 * k + 8, 6), (9 * k, 6)], 0.0)
     rooms = {room.name: room.use for room in plan_of(ifc.write(tmp_path / "a.ifc")).rooms}
-    assert rooms == {"Treppenhaus 1": "stair", "Office 12": "office", "001": "room"}
+    offices = {"Office Miller": "office", "Office 12": "office"}
+    assert rooms == {"Treppenhaus 1": "stair", **offices, "Seminar room": "seminar room", "001": "room"}
 
 
 def told_by(path, *kinds, **parameters):
