@@ -27,7 +27,11 @@ STANDS, OPENING, OPEN, CLOSING, RIDES, BACK = range(6)
 #: Time that people in the doorway have after the doors should have closed [s].
 PATIENCE = 2.0
 
-#: Time that doors stay open longer while people come who were called from other doors of the bank [s].
+#: Radius up to which a body takes one of the places in a car [m].
+USUAL = 0.25
+
+#: Time that doors stay open longer while people are in the doorway, or come who were called from other doors of the
+#: bank, and after which those on the line of a door turn again [s].
 COMING = 10.0
 
 #: Of the calculation by hand: time in which one person gets in or out, and the least for all [s], and the share by
@@ -243,9 +247,9 @@ class Lifts(Saved):
             self._call_in(k)
             return self._enter(k, OPEN, until)
         if len(self._on_line(k)):
-            if phase == CLOSING and self._scene.time > until + PATIENCE:
+            if self._scene.time > until + (PATIENCE if phase == CLOSING else COMING):  # and again, if that was in vain
                 self._crowd.ahead[np.isin(self._crowd.passing, self._doors(k))] *= -1.0
-                self.phase[k] = BACK
+                self.phase[k], self.until[k] = BACK, self._scene.time
             return False
         return self._enter(k, STANDS, until if phase == CLOSING else self._scene.time)
 
@@ -276,16 +280,16 @@ class Lifts(Saved):
         """Begin to close the doors of a car: when all are out, or it is full, or nobody has come in for a while."""
         lift, stop, inside = self._lifts[k], int(self.stop[k]), len(self._inside(k))
         is_in_doorway = len(self._on_line(k)) > 0
-        if inside > self._count[k] or is_in_doorway:
+        if inside > self._count[k]:
             self._last[k] = self._scene.time
         self._count[k] = inside
         if stop == lift.discharge:
             is_done = inside == 0 and not is_in_doorway
         else:
-            is_full = inside >= lift.operation.capacity
+            is_full = self._space(self._inside(k)).sum() > lift.operation.capacity - 1.0
             level = self._lobbies[self._lobby[k, stop]].level
             comes = ((self._called == k) & (self._crowd.level == level)).any()
-            dwell = lift.operation.dwell + (COMING if comes else 0.0)
+            dwell = lift.operation.dwell + (COMING if comes or is_in_doorway else 0.0)
             is_done = is_full or not self._runs(k) or self._scene.time - self._last[k] >= dwell - AT_ONCE
         if not is_done:
             return False
@@ -361,10 +365,15 @@ class Lifts(Saved):
     def _places(self, k: int, rows: IntArray, inside: IntArray) -> int:
         """Return how many of some people, in their order, have room in a car besides those who are in it."""
         own, mass = self._lifts[k].operation, self._crowd.mass
-        places = max(0, own.capacity - len(inside))
+        left = own.capacity - self._space(inside).sum()
+        places = int((np.cumsum(self._space(rows)) <= left + AT_ONCE).sum())
         if own.load is not None:
             places = min(places, int((mass[inside].sum() + np.cumsum(mass[rows]) <= own.load).sum()))
         return places
+
+    def _space(self, rows: IntArray) -> FloatArray:
+        """Return for how many people each of some people takes the place: wide bodies, by their ground, for several."""
+        return np.maximum(1.0, (self._crowd.radius[rows] / USUAL) ** 2)
 
     def _let_in(self, k: int) -> None:
         """Let in the nearest people before an open door, as many as there are places left; they are chosen anew."""
@@ -439,8 +448,12 @@ class Lifts(Saved):
         new = rows[before[rows] < 0]
         free = np.setdiff1d(np.arange(len(spots)), before[rows])[: len(new)]
         self._spot[rows], self._spot[new[: len(free)]] = before[rows], free
-        rows = rows[self._spot[rows] >= 0]
-        towards = spots[self._spot[rows]] - self._crowd.position[rows]
+        rows = rows[(self._spot[rows] >= 0) & ~self._crowd.ahead[rows].any(axis=1)]  # others leave the line of a door
+        x1, y1, x2, y2 = self._scene.building.levels[self._lifts[k].rooms[0]].polygon.bounds
+        most = 0.5 * min(x2 - x1, y2 - y1)
+        off_walls = np.minimum(self._crowd.contact_radius[rows], most)[:, None]  # wide bodies stand farther from walls
+        spots = np.clip(spots[self._spot[rows]], np.array([x1, y1]) + off_walls, np.array([x2, y2]) - off_walls)
+        towards = spots - self._crowd.position[rows]
         off = np.maximum(np.hypot(*towards.T), 1e-9)
         self._crowd.extra_direction[rows] = LEAD * towards / off[:, None]
         self._crowd.speed_factor[rows] = np.clip((off - AT_REST) / BRAKES, 0.0, 1.0)

@@ -131,6 +131,13 @@ def test_only_those_who_ride_get_in_and_who_cannot_use_stairs_rides():
     assert of == ["wheelchairs"] * 3  # the others are quicker by stairs than the 30 s that one expects to wait
 
 
+def test_wheelchairs_ride_with_others_and_block_no_door():
+    wide = group(3, "s1", name="wheelchairs", radius=0.4, turns=False, steepest=0.0, lifts=None)
+    simulation = watched(Simulation(case(tower((0.0, 4.0), capacity=8), [group(7, "s1"), wide], "nsm1")))
+    assert simulation.ended == "everybody out"
+    assert len(simulation.lifts.rides) == 10
+
+
 @pytest.mark.parametrize("model", ["dem", "nsm2"])
 def test_a_run_resumed_while_doors_open_people_board_ride_and_get_out_has_the_same_bits(model):
     scene = case(tower((0.0, 4.0), cars=2, capacity=3, start="s1"), [group(5, "s1")], model)
