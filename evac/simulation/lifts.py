@@ -440,10 +440,19 @@ class Lifts(Saved):
             crowd.extra_direction[rows[near]] = LEAD * away / np.maximum(distance[near], 1e-9)[:, None]
             self._is_led[rows[near]] = True
 
+    def _get_out(self, k: int) -> None:
+        """Let people out one after the other, the nearest to the door first, if there are wide bodies among them."""
+        rows = self._inside(k)
+        if len(rows) > 1 and (self._space(rows) > 1.0).any():
+            doors = [self._scene.building.portals[door].segments for door in self._doors(k)]
+            _, distance, _ = nearest_points(np.concatenate(doors), self._crowd.position[rows])
+            self._crowd.speed_factor[np.delete(rows, distance.argmin())] = 0.0
+
     def _stand(self, k: int, before: NDArray[np.int64]) -> None:
         """Lead people in a car to the places that they had before or to free ones, the farthest from the door first."""
         if self.phase[k] == OPEN and self.stop[k] == self._lifts[k].discharge:
-            return  # they get out
+            self._get_out(k)
+            return
         spots, rows = self._spots[k], np.union1d(self._inside(k), self._on_line(k))
         new = rows[before[rows] < 0]
         free = np.setdiff1d(np.arange(len(spots)), before[rows])[: len(new)]
