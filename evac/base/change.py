@@ -124,7 +124,8 @@ def is_legal(kind: str, value: Any) -> bool:
         case "strategy":
             return _is_text(value) or (isinstance(value, tuple) and all(map(_is_text, value)))
         case "lift":
-            return isinstance(value, tuple) and len(value) == {OPENS: 2, CLOSES: 2, LEAVES: 3, ARRIVES: 3}.get(value[0])
+            names = {OPENS: 2, CLOSES: 2, LEAVES: 3, ARRIVES: 3}
+            return isinstance(value, tuple) and len(value) == names.get(*value[:1] or ("",))
         case "alarm":
             return value is None or (is_number and 0.0 <= value <= 1.0)
     return value is None
@@ -195,7 +196,9 @@ class Change:
             "bar": "free" if ends else "barred",
             "strategy": f"to {', '.join(value) or 'any exit'}" if isinstance(value, tuple) else f"on the {value} way",
             "alarm": "alarmed",
-            LIFT: " for ".join([f"{value[0]} {value[1]}", *value[2:]]) if isinstance(value, tuple) and value else "",
+            LIFT: " ".join(map(str, value[:2])) + "".join(f" for {stop}" for stop in value[2:])
+            if isinstance(value, tuple)
+            else "",
         }.get(self.kind, self.kind)
         return f"{repr(self.what) if self.what else 'everybody'} {done}"
 

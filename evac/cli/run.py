@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.base.change import LIFT
 from evac.base.display import Display
 from evac.cli.inputs import (
     announce_plugin_file,
@@ -205,6 +204,8 @@ MOST_LINES = 12
 
 def show_answer(results: "Results", below: int = 1) -> None:
     """Show verdict, who is out and the times, and as many other lines as `MOST_LINES` has room for, less `below`."""
+    from evac.base.change import LIFT
+
     answer, title = results.answer, results.title or Path(results.source).name
     told = [str(change) for change in results.changes if change.kind != LIFT]
     changes = f"Changes: {', '.join(told)}" if told else ""

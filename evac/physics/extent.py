@@ -2,7 +2,7 @@
 
 Bodies are discs. For another shape, such as an ellipse across the desired direction, these two functions change, and
 nothing else in contacts, forces at a distance, neighbour lists and contact models. `Bodies` then needs the arrays that
-they read. docs/contributing.md lists where the radius is read as a number.
+they read. docs/contributing.md says where the radius is read as a number.
 """
 
 from evac.jit import inlined

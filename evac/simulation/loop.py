@@ -59,10 +59,11 @@ class Loop:
 
     def begin(self) -> None:
         """Begin the operations that have not begun."""
-        for operation in self.operations:
-            if operation.begin is not None:
-                begin, operation.begin = operation.begin, None
-                begin()
+        with self._simulation.population.writable():
+            for operation in self.operations:
+                if operation.begin is not None:
+                    begin, operation.begin = operation.begin, None
+                    begin()
 
     def advance(self) -> None:
         """Make a tick."""

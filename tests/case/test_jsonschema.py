@@ -123,7 +123,7 @@ def test_plans_are_refused_by_key_and_type_as_evac_refuses_them(of_plan):
         changed(plan, ("exits", 0, "name"), 3),
         changed(plan, ("storeys", 0, "z"), "high"),
         changed(plan, ("doors",), {"name": "in"}),
-        changed(plan, ("lifts",), []),
+        changed(plan, ("elevators",), []),
         {**plan, "exits": [{"name": "out"}]},
     ]
     for table in wrong:

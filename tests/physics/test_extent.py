@@ -3,7 +3,6 @@
 import json
 import math
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -81,20 +80,3 @@ def test_ellipses_need_no_other_function():
     np.testing.assert_allclose(ellipses, discs, rtol=1e-9)
     assert all(walk[-1] > 5 for walk in discs)
     assert np.abs(np.subtract(*discs)[:3]).min() > 0.01
-
-
-def test_the_documents_list_where_the_radius_is_a_number():
-    """Of all that computes, but for evidence."""
-    section = (ROOT / "docs/contributing.md").read_text(encoding="utf-8").partition("## Another shape of bodies")[2]
-    listed = set(re.findall(r"`([\w/]+\.py)`", section.partition("\n## ")[0].partition("|---|---|")[2]))
-    rooms = [(ROOT / "evac", "*/**/*.py"), (ROOT, "plugins/*.py")]
-    read = {
-        path.relative_to(root).as_posix()
-        for root, pattern in rooms
-        for path in root.glob(pattern)
-        if path.relative_to(root).parts[0] not in ("conformance", "evidence")
-        if re.search(r"\b[a-z_]+\.(contact_)?radius\b(?!\()", path.read_text(encoding="utf-8"))
-    }
-    # Drawings have arcs of doors.
-    arcs = {"plugins/import_dxf.py", "building/recover/drawings.py"}
-    assert read - listed == {"physics/extent.py"} | arcs
