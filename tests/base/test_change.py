@@ -14,14 +14,14 @@ LEGAL = {
     "move": [False, {"speed": 0.5}, {"speed": 0.5, "towards": "down"}],
     "slow": [0.5, 1.0],
     "bar": [None, False, True],
-    "strategy": ["up", "leave", ("door", "back"), ()],
-    "lift": [("opens", "f1"), ("leaves", "f1", "f2")],
+    "strategy": ["up", "leave", ("door", "back"), (), ("opens at", "f1"), ("leaves", "f1", "f2"), ("leaves", "f1")],
+    "lift": [("opens at", "f1"), ("leaves", "f1", "f2")],
     "alarm": [None, 0.5, 1.0, 0.0],
 }
 VALUES = [None, False, True, "up", ("door", "back"), (), ("door", 5), 0.0, 0.5, 1.0, 1.5, -0.5, [1]]
 VALUES += ["leave", {"every": 2.0}, {"most": 3, "delay": 0.0, "hold": 1.0}, {}, {"every": 0.0}, {"most": 1.5}]
 VALUES += [
-    ("opens", "f1"),
+    ("opens at", "f1"),
     ("leaves", "f1", "f2"),
     ("leaves", "f1"),
     {"speed": 0.5},

@@ -27,8 +27,8 @@ def test_a_case_holds_what_the_file_says_and_defaults_elsewhere(case_file, regis
     assert case.directions.clearance is None
     assert case.building.model_dump(exclude={"mesh", "plan"}) == {
         "weld": 0.001, "flat_angle": 3.0, "walkable_angle": 50.0, "ramp": 0.125, "scale": 1.0, "up": "z",
-        "headroom": 2.0, "treads": True, "north": None,
-        "exits": (), "areas": (), "obstacles": (), "controls": {}, "moving": {}, "closed": (), "missing": (),
+        "headroom": 2.0, "treads": True, "north": None, "missing": (),
+        "exits": (), "areas": (), "obstacles": (), "controls": {}, "moving": {}, "lifts": {}, "closed": (),
     }  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from tests.conformance import (
     broken_cases,
     broken_classes,
     broken_contact_models,
+    broken_dispatchers,
     broken_forces,
     broken_solvers,
 )
@@ -37,6 +38,7 @@ BROKEN = [
         broken_forces,
         broken_behaviours,
         broken_cases,
+        broken_dispatchers,
     )
     for k, broken in enumerate(module.BROKEN)
 ]
