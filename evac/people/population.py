@@ -101,7 +101,7 @@ class Population(Saved):
         self._building, self._n_portals, self._routes = building, len(building.portals), routes
         self._log: list[tuple[IntArray, IntArray, FloatArray]] = []
         self._computed = [array for name, array in crowd.values().items() if name not in HEEDED]
-        self.is_read_only = self._is_writable = False
+        self.is_read_only, self.has_begun, self._is_writable = False, False, False
         self.reserve: BoolArray = np.zeros(len(crowd.level), np.bool_)
         self._reserves = {source.name: source for source in self.sources if np.isinf(source.due).any()}
         for source in self._reserves.values():
@@ -111,9 +111,9 @@ class Population(Saved):
     def writable(self) -> Iterator[None]:
         """Let the arrays be written by their owners, unless recorders read them; afterwards they are read-only.
 
-        Others may write those of `HEEDED` at any time.
+        Others may write those of `HEEDED` at any time, and all before the run has begun.
         """
-        if self.is_read_only or self._is_writable:
+        if self.is_read_only or self._is_writable or not self.has_begun:
             yield
             return
         self._is_writable = True

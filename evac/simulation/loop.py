@@ -59,6 +59,7 @@ class Loop:
 
     def begin(self) -> None:
         """Begin the operations that have not begun."""
+        self._simulation.population.has_begun = True
         with self._simulation.population.writable():
             for operation in self.operations:
                 if operation.begin is not None:

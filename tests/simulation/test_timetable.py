@@ -209,6 +209,16 @@ def test_who_enters_a_barred_area_is_named():
     assert set(found["ground"]) <= above
 
 
+@pytest.mark.parametrize("kind", ["close", "one_way", "slow", "bar", "strategy", "alarm"])
+def test_an_event_at_the_start_happens_before_the_first_tick(kind):
+    target = {"slow": "hall", "bar": "hall", "strategy": "above", "alarm": ""}.get(kind, "a")
+    values = {"one_way": {"value": "down"}, "slow": {"value": 0.5}, "strategy": {"value": "shortest"}}
+    behaviours = {"behaviours.walking": {}, "behaviours.response_time": {}}
+    case = house(event(kind, target, 0.0, **values.get(kind, {})), **behaviours)
+    (change,) = run_ticks(Simulation(case), 2).scene.changes
+    assert (change.kind, change.time) == (kind, 0.0)
+
+
 @pytest.mark.parametrize("what", [{"kind": "bar"}, {"kind": "slow", "value": 0.05}])
 def test_nobody_is_stuck_at_a_post_beside_a_barred_or_slow_doorway(what):
     """The area leaves 10 cm of the only door, which no body fits through."""
