@@ -93,6 +93,8 @@ def _area(building: Building, place: "PlaceSettings") -> Place:
         hint = did_you_mean(place.area, areas) if areas else "there are no areas: add one to building.areas"
         raise ValueError(f"area: no single area is named {place.area!r}; {hint}")
     area = building.areas[areas.index(place.area)]
+    if building.levels[area.level].kind == "car":
+        raise ValueError(f"area: {place.area!r} is in a lift, which takes people away; draw an area before its door")
     return Place(place.name, place.kind, area.level, area.polygon, place.area, place.capacity)
 
 

@@ -123,8 +123,8 @@ class Lifts(Saved):
 
     @property
     def is_busy(self) -> bool:
-        """Whether a car does something, or is called."""
-        return bool((self.phase != STANDS).any() or self._waiting.any())
+        """Whether a car does something that ends by itself."""
+        return bool(np.isin(self.phase, (OPENING, CLOSING, RIDES)).any())
 
     def act(self) -> None:
         """Make what is due at this tick, and let people in."""

@@ -252,7 +252,7 @@ class Scene(Saved):
         """
         assert self.people is not None
         with self.people.writable():
-            self.people.remove(np.atleast_1d(np.asarray(rows, np.int32)), self.time)
+            self.people.remove(self._rows(rows), self.time)
 
     def send(self, rows: ArrayLike, route: Route) -> None:
         """Send people on another route, whatever events and places they followed.
@@ -272,7 +272,7 @@ class Scene(Saved):
             known = "; ".join(map(str, self.fields.routes))
             raise ScenarioError(f"there are no directions for {route}, only {known}; give it to Simulation as `routes`")
         assert self.people is not None
-        chosen = np.atleast_1d(np.asarray(rows, np.int32))
+        chosen = self._rows(rows)
         if self.places is not None:
             self.places.release(chosen)
         self.people.crowd.route[chosen] = self.fields.routes.index(route)
@@ -436,6 +436,17 @@ class Scene(Saved):
         """The people who have entered each area while it was barred, because they had no other way."""
         found = {name: tuple(np.flatnonzero(one == ENTERED).tolist()) for name, one in self._in_barred.items()}
         return {name: rows for name, rows in found.items() if rows}
+
+    def _rows(self, rows: ArrayLike) -> IntArray:
+        """Return rows of people, which may be given as a mask of all."""
+        assert self.people is not None
+        given, number = np.atleast_1d(np.asarray(rows)), len(self.people.crowd.level)
+        if given.dtype == np.bool_ and given.shape == (number,):
+            return np.flatnonzero(given).astype(np.int32)
+        is_row = np.issubdtype(given.dtype, np.integer) or not given.size
+        if not (is_row and ((given >= 0) & (given < number)).all()):
+            raise ScenarioError(f"rows of people are {given!r:.80}; give integers from 0 to {number - 1}, or a mask")
+        return given.astype(np.int32)
 
     def _nobody(self) -> NDArray[np.uint8]:
         assert self.people is not None

@@ -8,6 +8,7 @@ import pytest
 from shapely import box
 
 import evac
+from evac.base.errors import EvacError
 from evac.building.model.lifts import Motion
 from evac.simulation.lifts import CLOSING, OPEN, OPENING, RIDES
 from evac.simulation.simulation import Simulation
@@ -175,6 +176,28 @@ def test_a_recorded_run_has_its_lifts_and_the_heights_of_people_who_ride(tmp_pat
     assert (between.sum(axis=0) > 8).all()  # everybody has been on the way
     speed = np.abs(np.diff(z, axis=0)) / 0.2
     assert np.nanmax(speed) <= 2.0 + 0.1
+
+
+@pytest.mark.parametrize(
+    ("kind", "value"),
+    [
+        ("open", "s1 - lift 0 s1", None),
+        ("one_way", "s1 - lift 0 s1", False),
+        ("control", "s1 - lift 0 s1", {"every": 1.0}),
+    ],
+)
+def test_events_name_lifts_and_not_their_doors(kind, target, value):
+    event = {"time": 3.0, "kind": kind, "target": target} | ({} if value is None else {"value": value})
+    with pytest.raises(EvacError, match="lift 0"):
+        Simulation(case(tower((0.0, 4.0)), [group(3, "s1")], event=[event]))
+
+
+def test_a_closed_storey_leaves_the_doors_of_lifts_to_the_lift():
+    """People in the car get out where nobody may enter, and no more get in than there is room for."""
+    event = {"time": 3.0, "kind": "no_entry", "target": "s1"}
+    plan = tower((0.0, 4.0), stair=True, capacity=2)
+    simulation = watched(Simulation(case(plan, [group(5, "s1")], event=[event])))
+    assert simulation.ended == "everybody out"
 
 
 def test_a_building_without_lifts_imports_nothing_of_them():

@@ -18,6 +18,10 @@ from evac.building.model.building import Building, Jump
 OFF_WALLS = 0.25
 
 
+#: Least ground of a car for each person [m2]: less than the 0.17 m2 of EN 81-20 for 13 people.
+LEAST_GROUND = 0.12
+
+
 @dataclass(frozen=True)
 class Motion:
     """The ideal motion of a car over a distance [m], limited by speed [m/s], acceleration [m/s2] and jerk [m/s3]."""
@@ -140,6 +144,12 @@ def with_lifts_of(
                     f"{building.source}: lift {name!r}: operation.{key}: it does not stop at {storey!r}; "
                     f"{did_you_mean(str(storey), list(storeys))}"
                 )
+        ground = rooms[0].polygon.area / operation.capacity
+        if ground < LEAST_GROUND:
+            raise BuildingError(
+                f"{building.source}: lift {name!r}: operation.capacity: {operation.capacity} people do not fit on "
+                f"{rooms[0].polygon.area:.2f} m2; give at most {int(rooms[0].polygon.area / LEAST_GROUND)}"
+            )
         doors = tuple(tuple(portal.index for portal in building.portals_of(room.index)) for room in rooms)
         lines = np.concatenate([building.portals[door].segments for own in doors for door in own])
         levels, heights = tuple(room.index for room in rooms), tuple(room.z_min for room in rooms)

@@ -24,6 +24,12 @@ def links_named(building: Building, name: str) -> frozenset[int]:
     """Return the links of an exit, portal or door with a given name, or the portals of a stair or shaft."""
     own = [link for link in building.links if not isinstance(link, Ride)]
     links = {number for number, link in enumerate(own) if link.name == name}
+    for lift in building.lifts:
+        if not links.isdisjoint(door for doors in lift.doors for door in doors):
+            raise BuildingError(
+                f"{building.source}: {name!r} is a door of lift {lift.name!r}, which the lift opens and closes; "
+                f"name the lift, to take it out of service"
+            )
     links |= {portal.index for level in building.pieces_of(name) for portal in building.portals_of(level)}
     if not links:
         known = [*(link.name for link in own), *building.stairs, *building.shafts]
@@ -101,6 +107,12 @@ def changed(building: Building, change: Change) -> Building:
             after = with_controls(building, names)
         case "one_way":
             links = links_named(building, change.what)
+            levels = {level for link in links for level in building.links[link].levels}
+            if not levels.isdisjoint(level for level, _, _ in building.moving):
+                raise BuildingError(
+                    f"{building.source}: {change.what!r} leads onto ground that moves, and is passed in its direction; "
+                    f"use an event of kind 'move'"
+                )
             ways = {(link, _origin(building, link, value)) for link in links if isinstance(value, str)}
             after = replace(building, one_way=_replaced(building.one_way, links, ways))
         case "move":
@@ -174,8 +186,10 @@ def _velocity(building: Building, number: int, moving: Moving) -> FloatArray:
             way = way + _from_centre(building, number, portal)
     if level.slope > 0.0:
         way = level.uphill * np.sign(way @ level.uphill)
-    if not way.any():
-        known = did_you_mean(str(towards), ["up", "down", *(other.title for _, other in beside)])
+    ways = [_from_centre(building, number, portal) for portal, _ in beside]
+    if not any(abs(way @ one) > 0.5 * np.hypot(*way) * np.hypot(*one) for one in ways):
+        known = did_you_mean(str(towards), [other.title for _, other in beside])
+        known += "; or give the direction of its ends in degrees" if level.slope == 0.0 else "; or 'up' or 'down'"
         raise BuildingError(f"{building.source}: {level.title!r} does not move towards {towards!r}; {known}")
     velocity: FloatArray = moving.speed * math.cos(level.slope) * way / np.hypot(*way)
     return velocity
@@ -202,7 +216,7 @@ def _without_entry(building: Building, name: str, ends: bool = False) -> Buildin
 def _ways_out(building: Building, part: Area, inside: Collection[int]) -> Iterable[tuple[int, int]]:
     """Yield the links on the outline of a part, each with where it is passed from to leave it, as `one_way`."""
     for number, link in enumerate(building.links):
-        if part.level not in link.levels:
+        if part.level not in link.levels or isinstance(link, Ride) or number in building.lift_doors:
             continue
         if isinstance(link, Door):
             off = shapely.distance(part.polygon, _sides(link)).tolist()
