@@ -442,6 +442,7 @@ class Simulation(Saved):
         with self.phases.enter("kernels"):
             self.engine.load(self.contact)
         self.displacement_velocity.flags.writeable = True  # between ticks, it is not
+        self.population.has_begun = True
         with self.population.writable():
             super().restore(state)
             self.scene.keep_doorway_open()

@@ -33,12 +33,12 @@ def test_the_part_of_an_area_beside_the_floor_is_reported():
     assert box(18, 4, 23, 9).contains(Point(half.place))
 
 
-def test_an_outline_that_crosses_itself_is_named_with_the_error_that_follows():
+def test_an_outline_that_crosses_itself_is_a_finding_beside_the_error_that_follows():
     plan = two_storeys(polygons=[(0, 0), (18, 10), (18, 0), (0, 10)])
     plan.stair("stair", "ground", [(2, 0.1), (2, 1.5)], "upper", length=5.0, direction=(1, 0))
     (repair,) = plan.findings
     assert (repair.kind, repair.level, repair.place) == ("repaired", "upper", (9.0, 5.0))
-    with pytest.raises(BuildingError, match=r"'upper' at \(9\.00, 5\.00\).*crosses itself.*stair 'stair'"):
+    with pytest.raises(BuildingError, match=r"stair 'stair': its upper edge .* 'upper'"):
         plan.surface()
     plan = two_storeys()
     plan.storey("other", [(0, 0), (18, 10), (18, 0), (0, 10)], z=6.0)

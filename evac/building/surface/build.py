@@ -1,8 +1,8 @@
 """Conversion of a surface mesh to a `Building`."""
 
 import math
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -114,10 +114,23 @@ def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_
 
         building = with_lifts_of(building, surface.lifts, options.lifts)
     building = replace(building, findings=(*building.findings, *(isolated_parts(building) if building.exits else ())))
-    building = with_controls(building, {**surface.controls, **options.controls})
+    building = with_controls(building, surface.controls)
+    for name, control in options.controls.items():
+        with _named(f"building.controls.{name}"):
+            building = with_controls(building, {name: control})
     for name, moving in options.moving.items():
-        building = set_moving(building, name, moving)
+        with _named(f"building.moving.{name}"):
+            building = set_moving(building, name, moving)
     return close_links(building, options.closed) if options.closed else building
+
+
+@contextmanager
+def _named(key: str) -> Iterator[None]:
+    """Add a key of the case to an error."""
+    try:
+        yield
+    except BuildingError as error:
+        raise BuildingError(f"{error} (given as {key})") from None
 
 
 def _given(
