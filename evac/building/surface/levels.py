@@ -204,6 +204,8 @@ def _parts_that_turn(surface: Surface, label: IndexArray, one: IndexArray, other
         tread = np.unique(np.round([z.min(axis=1), z.max(axis=1)], 6), axis=1, return_inverse=True)[1].ravel()
         angle = np.degrees([turned[cell] for cell in cells.tolist()])
         angle = (np.bincount(tread, weights=angle) / np.bincount(tread))[tread]
+        if not np.ptp(angle):  # a surface folded over itself, whose cells have the same heights
+            continue
         count = int(np.ceil(np.ptp(angle) / PART - BEYOND))
         share = count * (angle - angle.min()) / np.ptp(angle)
         part[cells] = np.clip(np.ceil(share - BEYOND) - 1, 0, count - 1)
