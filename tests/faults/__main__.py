@@ -56,13 +56,12 @@ def main() -> int:
         chosen = [*drawn(arguments.draw, arguments.seed, arguments.room)]
     with tempfile.TemporaryDirectory(prefix="evac-faults-") as folder:
         copy = _copied(Path(folder))
-        every = sorted({" ".join(fault.tests) for fault in chosen})
-        for tests in every:  # as they are run for a fault
-            status, _, output = _tested(copy, tests.split(), None)
-            if status != 0:
-                print(f"{output}\nthe tests fail without a fault; the trial says nothing before they pass")
-                return 2
-        print(f"{len(every)} lists of tests pass without a fault\n")
+        every = sorted({tests for fault in chosen for tests in fault.tests})
+        status, _, output = _tested(copy, every, None)
+        if status != 0:
+            print(f"{output}\nthe tests fail without a fault; the trial says nothing before they pass")
+            return 2
+        print("the tests pass without a fault\n")
         print(f"{'fault':50} {'result':11} {'seconds':>7}  first test that fails")
         missed = [fault for fault in chosen if not _is_caught(copy, fault, fault.tests)]
         print(f"\n{len(chosen) - len(missed)} of {len(chosen)} faults are caught by the tests of their room")
