@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.case.schema import GroupSettings
 
-#: Use of rooms that enclose stairs, and the greatest ground of such a room that has no use, in areas of the stair.
-STAIR, MOST_STAIRS = "stair", 2.0
+#: Use of rooms that enclose stairs. Rooms without it do so where their ground is at most so many areas of the stair, or
+#: where all of it is within this distance from the stair [m].
+STAIR, MOST_STAIRS, AROUND_STAIR = "stair", 2.0, 3.0
 #: Distance beside the end of a door at which its wall is measured, and within which outlines touch [m].
 BESIDE, TOUCH = 0.02, 2e-3
 #: Ground that is neglected [m2]; distance of the points at which ground without a way out is looked for [m], and the
@@ -193,12 +194,14 @@ def _enclosures(building: Building, level: Level, faces: FloatArray) -> BaseGeom
         doors = shapely.linestrings(faces.reshape(-1, 2, 2))
         lines = shapely.union_all([*shapely.linestrings(walls.reshape(-1, 2, 2)), *doors])
         parts = shapely.get_parts(level.polygon.difference(lines.buffer(TOUCH / 4, quad_segs=1)))
-        has_door = shapely.distance(parts, shapely.union_all(doors)) <= TOUCH
+        parts = parts[shapely.distance(parts, shapely.union_all(doors)) <= TOUCH]
         for portal, stair in ways:
-            most = MOST_STAIRS * sum(
-                building.levels[index].polygon.area for index in building.stairs.get(stair or "", ())
-            )
             line = shapely.multilinestrings(portal.segments.reshape(-1, 2, 2))
-            is_near = has_door & (shapely.area(parts) <= most) & (shapely.distance(parts, line) <= TOUCH)
-            found += [*parts[is_near]]
+            pieces = [building.levels[index].polygon for index in building.stairs.get(stair or "", ())]
+            stair_ground = shapely.convex_hull(shapely.union_all([line, *pieces]))
+            most = MOST_STAIRS * sum(piece.area for piece in pieces)
+            for part in parts[shapely.distance(parts, line) <= TOUCH] if stair else ():
+                corners = shapely.points(shapely.get_coordinates(part))
+                if part.area <= most or shapely.distance(corners, stair_ground).max() <= AROUND_STAIR:
+                    found.append(part)
     return shapely.union_all(found)

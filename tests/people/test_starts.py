@@ -88,6 +88,18 @@ def test_people_wait_where_an_event_opens_a_way_later():
     assert stand_on(simulation, [CLOSET]).any()
 
 
+@pytest.mark.parametrize(("depth", "is_enclosure"), [(1.2, True), (5.6, True), (5.8, False), (12.0, False)])
+def test_a_room_around_a_stair_is_an_enclosure_where_all_of_it_is_within_3_m_of_the_stair(depth, is_enclosure):
+    plan = evac.Plan("straight flight")
+    plan.storey("low", shapely.box(0, 0, 20, 6))
+    plan.storey("high", [shapely.box(0, 0, 8, 6), around := shapely.box(8.2, 2 - depth / 2, 14, 2 + depth / 2)], z=3.0)
+    plan.door("landing", "high", [(8.1, 1.5), (8.1, 2.4)])
+    plan.stair("flight", "low", [(15.0, 1.4), (15.0, 2.6)], "high", [(10.2, 1.4), (10.2, 2.6)])
+    plan.exit("out", "low", [(0, 1), (0, 3)])
+    simulation = started(plan, {"level": "high", "number": 40})
+    assert stand_on(simulation, [around.buffer(-0.3)]).any() != is_enclosure
+
+
 def test_a_room_with_the_use_of_a_stair_is_an_enclosure():
     plan = evac.Plan("two rooms")
     plan.storey("ground")
