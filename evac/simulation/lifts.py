@@ -13,6 +13,7 @@ from evac.base.errors import counted, fault, plugin_code
 from evac.base.saved import Bounds, Saved
 from evac.building.model.building import Building, Portal
 from evac.building.model.lifts import Lift
+from evac.directions.routes import PREFERRED
 from evac.people.dispatcher import Car, Dispatcher, StopCall
 from evac.physics.extent import extent
 from evac.results.results import LiftUse
@@ -26,9 +27,6 @@ STANDS, OPENING, OPEN, CLOSING, RIDES, BACK = range(6)
 
 #: Time that people in the doorway have after the doors should have closed [s].
 PATIENCE = 2.0
-
-#: Radius up to which a body takes one of the places in a car [m].
-USUAL = 0.25
 
 #: Time that doors stay open longer while people are in the doorway, or come who were called from other doors of the
 #: bank, and after which those on the line of a door turn again [s].
@@ -49,6 +47,9 @@ LEAD = 10.0
 
 #: Distance between places in a car at most [m]; from their places people stand still, and slow down [m].
 WIDEST, AT_REST, BRAKES = 0.6, 0.05, 0.3
+
+#: Lengths in a car that differ by less are equal [m].
+NEARLY = 1e-6
 
 #: Distance from a door within which people make room for those who step back [m].
 CLEARED = 1.2
@@ -98,7 +99,7 @@ class Lifts(Saved):
 
     saved = (
         *("phase", "stop", "to", "until", "waits_since", "trips", "rides"),
-        *("_last", "_count", "_called", "_spot", "_is_led", "_waiting", "_since", "_looked"),
+        *("_last", "_count", "_called", "_place", "_is_led", "_waits_at", "_since", "_looked"),
     )
 
     def __init__(self, scene: Scene, dispatcher: Dispatcher) -> None:
@@ -112,12 +113,15 @@ class Lifts(Saved):
         self.waits_since = np.full(people, np.nan)
         self.trips, self.rides = np.zeros((0, len(Trip._fields))), np.zeros((0, 3))
         self._called: NDArray[np.int64] = np.full(people, -1, np.int64)  # car to which each person was called
-        self._spot: NDArray[np.int64] = np.full(people, -1, np.int64)  # where each person stands in its car
+        self._place = np.full((people, 2), np.nan)  # where each person stands in its car [m]
         self._is_led = np.zeros(people, np.bool_)
-        self._spots = [spots_in(scene.building, lift) for lift in self._lifts]
+        found = [spots_in(scene.building, lift) for lift in self._lifts]
+        self._spots, self._spacing = [spots for spots, _ in found], [spacing for _, spacing in found]
+        self._rooms = [room for lift in self._lifts for room in lift.rooms]
+        self._carries = np.array([self._can_carry(k) for k in range(len(self._lifts))])
         self._lobbies = lobbies_of(scene.building)
         self._lobby = {(car, stop): k for k, one in enumerate(self._lobbies) for car, stop, _ in one.cars}
-        self._waiting = np.zeros(len(self._lobbies), np.int64)  # people before the doors of each lobby
+        self._waits_at: NDArray[np.int64] = np.full(people, -1, np.int64)  # lobby before whose doors each person waits
         self._since = np.zeros(len(self._lobbies))  # since when the first of them has waited [s]
         self._looked = -LOOK
 
@@ -177,6 +181,21 @@ class Lifts(Saved):
                 total += 2.0 * (lift.flight(lift.discharge, stop) + own.opening + own.closing) + transfer
         return (1.0 + INEFFICIENCY) * total / len(bank)
 
+    def warnings(self) -> tuple[str, ...]:
+        """Return a line for each group some of whose people wait for lifts of which none can carry them."""
+        assert self._scene.people is not None
+        waits = np.array([one.lifts == PREFERRED or one.steepest is not None for one in self._scene.fields.routes])
+        lost = waits[self._crowd.route] & ~self._carries.any(axis=0)
+        lines = []
+        for group in self._scene.people.groups:
+            if len(rows := group.rows[lost[group.rows]]):
+                mass, width = self._crowd.mass[rows].max(), 2.0 * self._crowd.contact_radius[rows].max()
+                people = counted(len(group.rows), "person", "people")
+                lines.append(
+                    f"people.{group.name}: no lift can carry {len(rows)} of {people}, up to {mass:.0f} kg and {width:.2f} m wide: raise the load, or widen doors and ground of a lift"
+                )
+        return tuple(lines)
+
     def notes(self) -> tuple[str, ...]:
         """Return a line on each lift that has carried people."""
         return tuple(
@@ -197,8 +216,8 @@ class Lifts(Saved):
             "rides": Bounds(0.0, shape=(None, 3)),
             "_count": Bounds(0),
             "_called": Bounds(-1, lifts),
-            "_spot": Bounds(-1, max(map(len, self._spots)) - 1),
-            "_waiting": Bounds(0),
+            "_place": Bounds(-np.inf, nan=True),
+            "_waits_at": Bounds(-1, len(self._lobbies) - 1),
         }
 
     def _inside(self, k: int) -> IntArray:
@@ -286,7 +305,9 @@ class Lifts(Saved):
         if stop == lift.discharge:
             is_done = inside == 0 and not is_in_doorway
         else:
-            is_full = self._space(self._inside(k)).sum() > lift.operation.capacity - 1.0
+            taken, halves = self._place[self._inside(k)], self._half(k, self._inside(k))
+            has_place = _are_free(self._spots[k], 0.5 * self._spacing[k], taken, halves).any()
+            is_full = inside >= lift.operation.capacity or not has_place
             level = self._lobbies[self._lobby[k, stop]].level
             comes = ((self._called == k) & (self._crowd.level == level)).any()
             dwell = lift.operation.dwell + (COMING if comes or is_in_doorway else 0.0)
@@ -306,10 +327,10 @@ class Lifts(Saved):
         lift, stop, calls = self._lifts[k], int(self.stop[k]), list[StopCall]()
         if not self._runs(k):
             return None if stop == lift.discharge else lift.discharge
+        waiting = {*self._waits_at[self._waits_at >= 0].tolist()}
         for at in range(len(lift.rooms)):
             lobby = self._lobby[k, at]
-            people = int(self._waiting[lobby]) - self._places_coming(k, lobby)
-            if at != lift.discharge and people > 0:
+            if at != lift.discharge and lobby in waiting and (people := self._left_to(k, lobby)):
                 calls.append(StopCall(at, people, float(self._since[lobby])))
         if not calls:
             return None
@@ -322,24 +343,25 @@ class Lifts(Saved):
             raise fault(what, f"returned {to!r:.40} for {lift.name!r}", remedy, dispatcher, "next_stop")
         return to
 
-    def _places_coming(self, k: int, lobby: int) -> int:
-        """Return the places in other cars that are, or will be next, before the doors of a lobby."""
-        places = 0
+    def _left_to(self, k: int, lobby: int) -> int:
+        """Return for how many of those whom a car can carry before a lobby no other car is there or comes."""
+        rows = np.flatnonzero((self._waits_at == lobby) & self._carries[k])
         for other, at, _ in self._lobbies[lobby].cars:
             to = int((self.to if self.phase[other] == RIDES else self.stop)[other])
             if other != k and to == at and self.phase[other] in (OPENING, OPEN, RIDES):
-                places += self._lifts[other].operation.capacity - len(self._inside(other))
-        return places
+                places = self._lifts[other].operation.capacity - len(self._inside(other))
+                rows = np.delete(rows, np.flatnonzero(self._carries[other, rows])[: max(0, places)])
+        return len(rows)
 
     def _look(self) -> None:
         """Note who waits before the doors of each lobby, and since when."""
-        waits = np.zeros(len(self.waits_since), np.bool_)
+        self._waits_at[:] = -1
         for number, lobby in enumerate(self._lobbies):
             rows, _ = self._before(lobby)
-            self._waiting[number] = len(rows)
             self._since[number] = np.fmin.reduce(self.waits_since[rows], initial=self._scene.time)
-            waits[rows] = True
-        rides = np.isin(self._crowd.level, [room for lift in self._lifts for room in lift.rooms])
+            self._waits_at[rows] = number
+        waits = self._waits_at >= 0
+        rides = np.isin(self._crowd.level, self._rooms)
         self.waits_since[~waits & ~rides] = np.nan
         self.waits_since[waits & np.isnan(self.waits_since)] = self._scene.time
 
@@ -362,18 +384,47 @@ class Lifts(Saved):
             rows, off = rows[waits], [(nearest[waits], distance[waits]) for nearest, distance in off]
         return rows, off
 
-    def _places(self, k: int, rows: IntArray, inside: IntArray) -> int:
-        """Return how many of some people, in their order, have room in a car besides those who are in it."""
+    def _can_carry(self, k: int) -> NDArray[np.bool_]:
+        """Return whom a car can carry at all: by their mass, and as wide as its doors and its ground are."""
+        lift, crowd = self._lifts[k], self._crowd
+        x1, y1, x2, y2 = self._scene.building.levels[lift.rooms[0]].polygon.bounds
+        lines = [self._scene.building.portals[door].segments for own in lift.doors for door in own]
+        width = min(np.hypot(*(line[:, 2:] - line[:, :2]).T).sum() for line in lines)
+        fits: NDArray[np.bool_] = 2.0 * crowd.contact_radius <= min(width, x2 - x1, y2 - y1)
+        return fits if lift.operation.load is None else fits & (crowd.mass <= lift.operation.load)
+
+    def _places_for(self, k: int, rows: IntArray, inside: IntArray) -> FloatArray:
+        """Return the places of some people, in their order, in a car besides those in it; NaN if it has no room.
+
+        There is room by number, load and ground; who is too heavy or too wide lets the others pass.
+        """
         own, mass = self._lifts[k].operation, self._crowd.mass
-        left = own.capacity - self._space(inside).sum()
-        places = int((np.cumsum(self._space(rows)) <= left + AT_ONCE).sum())
-        if own.load is not None:
-            places = min(places, int((mass[inside].sum() + np.cumsum(mass[rows]) <= own.load).sum()))
+        load, total = np.inf if own.load is None else own.load, mass[inside].sum()
+        places, taken, halves = np.full((len(rows), 2), np.nan), self._place[inside], self._half(k, inside)
+        for number, row in enumerate(rows):
+            if len(taken) >= own.capacity:
+                break
+            if self._carries[k, row] and total + mass[row] <= load:
+                half = self._half(k, row)
+                spots = self._off_walls(k, row, self._spots[k]) if half > 0.5 * WIDEST else self._spots[k]
+                free = spots[_are_free(spots, half, taken, halves)]
+                if len(free):
+                    places[number] = free[0]
+                    taken, halves, total = np.vstack([taken, free[:1]]), np.append(halves, half), total + mass[row]
         return places
 
-    def _space(self, rows: IntArray) -> FloatArray:
-        """Return for how many people each of some people takes the place: wide bodies, by their ground, for several."""
-        return np.maximum(1.0, (self._crowd.radius[rows] / USUAL) ** 2)
+    def _half(self, k: int, rows: IntArray | np.int32) -> FloatArray:
+        """Return half of the width that people take in a car [m]: of a place, or of bodies that are wider than any."""
+        radius = self._crowd.radius[rows]
+        half: FloatArray = np.where(radius > 0.5 * WIDEST, radius, 0.5 * self._spacing[k])
+        return half
+
+    def _off_walls(self, k: int, rows: IntArray | np.int32, spots: FloatArray) -> FloatArray:
+        """Return places in a car [m], from the walls as far as the bodies of people need."""
+        x1, y1, x2, y2 = self._scene.building.levels[self._lifts[k].rooms[0]].polygon.bounds
+        off = np.minimum(self._crowd.contact_radius[rows], 0.5 * min(x2 - x1, y2 - y1))[..., None]
+        moved: FloatArray = np.clip(spots, np.array([x1, y1]) + off, np.array([x2, y2]) - off)
+        return moved
 
     def _let_in(self, k: int) -> None:
         """Let in the nearest people before an open door, as many as there are places left; they are chosen anew."""
@@ -392,7 +443,8 @@ class Lifts(Saved):
             is_free = (crowd.passing[rows] < 0) & np.isin(self._called[rows], (-1, k))
             near = np.flatnonzero((distance < REACH) & is_free)
             new = rows[near][np.lexsort((rows[near], distance[near]))]
-            crowd.passing[new[: self._places(k, new, in_car)]] = door.index
+            self._place[new] = places = self._places_for(k, new, in_car)
+            crowd.passing[new[np.isfinite(places[:, 0])]] = door.index
 
     def _call_in(self, k: int) -> None:
         """Call the nearest people who wait before the doors of a bank to the car that has opened its doors."""
@@ -405,16 +457,17 @@ class Lifts(Saved):
         is_free = self._called[rows] < 0
         rows, distance = rows[is_free], distance[is_free]
         rows = rows[np.lexsort((rows, distance))]
-        self._called[rows[: self._places(k, rows, self._inside(k))]] = k
+        self._called[rows[np.isfinite(self._places_for(k, rows, self._inside(k))[:, 0])]] = k
 
     def steer(self) -> None:
         """Lead people who were called to a car to its door, and those in a car to their places; after behaviours."""
         crowd = self._crowd
         crowd.extra_direction[self._is_led] = 0.0
-        before, self._is_led[:] = self._spot.copy(), False
-        self._spot[:] = -1
+        self._is_led[:] = False
+        is_aboard = np.isin(crowd.level, self._rooms) | np.isin(crowd.passing, [*self._scene.building.lift_doors])
+        self._place[~is_aboard] = np.nan
         for k in range(len(self._lifts)):
-            self._stand(k, before)
+            self._stand(k)
             if self.phase[k] == BACK:
                 self._clear(k)
         for k in np.unique(self._called[self._called >= 0]).tolist():
@@ -443,34 +496,35 @@ class Lifts(Saved):
     def _get_out(self, k: int) -> None:
         """Let people out one after the other, the nearest to the door first, if there are wide bodies among them."""
         rows = self._inside(k)
-        if len(rows) > 1 and (self._space(rows) > 1.0).any():
+        if len(rows) > 1 and (self._crowd.radius[rows] > 0.5 * WIDEST).any():
             doors = [self._scene.building.portals[door].segments for door in self._doors(k)]
             _, distance, _ = nearest_points(np.concatenate(doors), self._crowd.position[rows])
             self._crowd.speed_factor[np.delete(rows, distance.argmin())] = 0.0
 
-    def _stand(self, k: int, before: NDArray[np.int64]) -> None:
-        """Lead people in a car to the places that they had before or to free ones, the farthest from the door first."""
+    def _stand(self, k: int) -> None:
+        """Lead people in a car to their places."""
         if self.phase[k] == OPEN and self.stop[k] == self._lifts[k].discharge:
             self._get_out(k)
             return
-        spots, rows = self._spots[k], np.union1d(self._inside(k), self._on_line(k))
-        new = rows[before[rows] < 0]
-        free = np.setdiff1d(np.arange(len(spots)), before[rows])[: len(new)]
-        self._spot[rows], self._spot[new[: len(free)]] = before[rows], free
-        rows = rows[(self._spot[rows] >= 0) & ~self._crowd.ahead[rows].any(axis=1)]  # others leave the line of a door
-        x1, y1, x2, y2 = self._scene.building.levels[self._lifts[k].rooms[0]].polygon.bounds
-        most = 0.5 * min(x2 - x1, y2 - y1)
-        off_walls = np.minimum(self._crowd.contact_radius[rows], most)[:, None]  # wide bodies stand farther from walls
-        spots = np.clip(spots[self._spot[rows]], np.array([x1, y1]) + off_walls, np.array([x2, y2]) - off_walls)
-        towards = spots - self._crowd.position[rows]
+        rows = np.union1d(self._inside(k), self._on_line(k))
+        has_place = np.isfinite(self._place[rows, 0])
+        rows = rows[has_place & ~self._crowd.ahead[rows].any(axis=1)]  # others leave the line of a door
+        towards = self._off_walls(k, rows, self._place[rows]) - self._crowd.position[rows]
         off = np.maximum(np.hypot(*towards.T), 1e-9)
         self._crowd.extra_direction[rows] = LEAD * towards / off[:, None]
         self._crowd.speed_factor[rows] = np.clip((off - AT_REST) / BRAKES, 0.0, 1.0)
         self._is_led[rows] = True
 
 
-def spots_in(building: Building, lift: Lift) -> FloatArray:
-    """Return the places (s, 2) [m] in a car in which people stand, at least its capacity, the farthest first."""
+def _are_free(spots: FloatArray, half: float | FloatArray, taken: FloatArray, halves: FloatArray) -> NDArray[np.bool_]:
+    """Return which spots (s, 2) are free for somebody, by half the widths [m], beside those whose places are taken."""
+    apart = np.hypot(*(spots[:, None] - taken).T).T
+    free: NDArray[np.bool_] = ~(apart < half + halves - NEARLY).any(axis=1)
+    return free
+
+
+def spots_in(building: Building, lift: Lift) -> tuple[FloatArray, float]:
+    """Return places (s, 2) [m] in a car, as many as its capacity at least, the farthest first, and how far apart."""
     room = building.levels[lift.rooms[0]].polygon
     lines = np.concatenate([building.portals[door].segments for own in lift.doors for door in own])
     door = shapely.multipoints(lines.reshape(-1, 2, 2).mean(axis=1))
@@ -485,7 +539,7 @@ def spots_in(building: Building, lift: Lift) -> FloatArray:
         if len(points) >= lift.operation.capacity:
             break
     away = np.round(shapely.distance(shapely.points(points), door), 6)
-    return points[np.lexsort((*points.T, -away))]
+    return points[np.lexsort((*points.T, -away))], spacing
 
 
 def lobbies_of(building: Building) -> list[Lobby]:

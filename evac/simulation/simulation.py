@@ -270,10 +270,11 @@ class Simulation(Saved):
         """Return the findings about building and people before the first step; those without a place are warnings."""
         crowd, groups = self.population.crowd, self.population.groups
         air = () if self.exposure is None else self.exposure.warnings()
+        lifts = () if self.lifts is None else self.lifts.warnings()
         narrow = narrow_places(self.building, 2.0 * crowd.contact_radius)
         start = crowd.replace(level=np.where(crowd.arrival_time == 0.0, crowd.level, np.int32(-1)))
         people, out = unusual(start, groups), self.population.left_out
-        return as_findings((*self.building.findings, *air, *narrow, *self.stopping, *people, *out))
+        return as_findings((*self.building.findings, *air, *narrow, *self.stopping, *lifts, *people, *out))
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Results:
         """Run to the end and return the results: `advance_tick` until the run has ended.

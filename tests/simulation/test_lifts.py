@@ -66,6 +66,7 @@ def watched(simulation):
             assert all(not len(rows) for stop, rows in enumerate(inside) if stop != simulation.lifts.stop[k])
             rows = inside[simulation.lifts.stop[k]]
             assert len(rows) <= lift.operation.capacity
+            assert np.pi * (crowd.radius[rows] ** 2).sum() <= simulation.building.levels[lift.rooms[0]].polygon.area
             assert lift.operation.load is None or crowd.mass[rows].sum() <= lift.operation.load
     return simulation
 
@@ -132,11 +133,26 @@ def test_only_those_who_ride_get_in_and_who_cannot_use_stairs_rides():
     assert of == ["wheelchairs"] * 3  # the others are quicker by stairs than the 30 s that one expects to wait
 
 
-def test_wheelchairs_ride_with_others_and_block_no_door():
-    wide = group(3, "s1", name="wheelchairs", radius=0.4, turns=False, steepest=0.0, lifts=None)
-    simulation = watched(Simulation(case(tower((0.0, 4.0), capacity=8), [group(7, "s1"), wide], "nsm1")))
+@pytest.mark.parametrize(("capacity", "others", "trips"), [(1, 0, 2), (2, 2, 2), (8, 7, 2)])
+def test_wheelchairs_take_the_ground_that_they_need_and_block_no_car(capacity, others, trips):
+    wide = group(2, "s1", name="wheelchairs", radius=0.4, turns=False, steepest=0.0, lifts=None)
+    people = [wide, *([group(others, "s1")] if others else [])]
+    simulation = watched(Simulation(case(tower((0.0, 4.0), capacity=capacity), people, "nsm1")))
     assert simulation.ended == "everybody out"
-    assert len(simulation.lifts.rides) == 10
+    assert len(simulation.lifts.rides) == 2 + others
+    assert len(simulation.lifts.trips) >= trips
+
+
+def test_who_is_too_heavy_for_a_car_lets_the_others_pass_and_who_is_for_all_is_named_before_the_run():
+    heavy = {"name": "heavy", "level": "s1", "mass": 200.0, "positions": [[9.6, 3.0]], "lifts": "preferred"}
+    others = group(4, "s1", mass=70.0)
+    plan = tower((0.0, 4.0), load=210.0)
+    simulation = watched(Simulation(case(plan, [heavy, others])))
+    assert simulation.ended == "everybody out"
+    assert sorted(simulation.lifts.trips[:, 4].tolist()) in ([1.0, 1.0, 3.0], [1.0, 2.0, 2.0])
+    few = {"building.lifts": {"lift 0": {"load": 150.0}}}
+    (warning,) = Simulation(case(plan, [heavy, others], **few)).warnings()
+    assert warning.startswith("people.heavy: ")
 
 
 @pytest.mark.parametrize("model", ["dem", "nsm2"])
