@@ -192,7 +192,8 @@ class Lifts(Saved):
                 mass, width = self._crowd.mass[rows].max(), 2.0 * self._crowd.contact_radius[rows].max()
                 people = counted(len(group.rows), "person", "people")
                 lines.append(
-                    f"people.{group.name}: no lift can carry {len(rows)} of {people}, up to {mass:.0f} kg and {width:.2f} m wide: raise the load, or widen doors and ground of a lift"
+                    f"people.{group.name}: no lift can carry {len(rows)} of {people}, up to {mass:.0f} kg and "
+                    f"{width:.2f} m wide: raise the load, or widen doors and ground of a lift"
                 )
         return tuple(lines)
 
