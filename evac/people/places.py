@@ -152,7 +152,7 @@ class Places(Saved):
     cannot reach one leaves by an exit. People whose group has `steepest`, or does not turn, and who have no way out
     that is as wide as they are, go to the nearest refuge that they can reach and that is not full. If a way out, or to
     an assembly area, opens before they have arrived, they take it. Who has arrived stays, until an event sends the
-    group elsewhere.
+    group elsewhere, or a lift leads out of a refuge.
 
     Attributes
     ----------
@@ -178,6 +178,7 @@ class Places(Saved):
         for group, ways in enumerate(self._ways):
             self._way_to[group, [*ways]] = [*ways.values()]
         self._ends_inside = np.array([bool(route.area) for route in routes], dtype=np.bool_)
+        self._rides = np.array([bool(route.lifts) for route in routes])
         self._is_limited = [is_limited(people) for people in case.people]
         self.of_groups: IntArray = crowd.route.copy()
         self._before: IntArray = crowd.route.copy()  # route of each person until it was sent to a place
@@ -211,6 +212,13 @@ class Places(Saved):
         self.arrived[moves] = False
         return bool((before != self._sent[group]).any())
 
+    @property
+    def waits_for_lift(self) -> NDArray[np.bool_]:
+        """Who is in a refuge, and leaves as soon as there is a lift (n,)."""
+        is_there = self.arrived & np.append(~self._is_assembly, False)[self._meant]
+        waits: NDArray[np.bool_] = is_there & self._rides[self._before]
+        return waits
+
     def exit_routes(self, rows: NDArray[np.integer[Any]]) -> IntArray:
         """Return the routes of people to exits: of those who go to an area, the route that they had before."""
         goes = (self._meant[rows] >= 0) | self._is_led(rows)
@@ -235,7 +243,7 @@ class Places(Saved):
         for group, ways in enumerate(self._ways):
             if not ways:
                 continue
-            is_asked = (self._crowd.level >= 0) & ~self.arrived & ~self._is_brought
+            is_asked = (self._crowd.level >= 0) & ~self._is_brought & (~self.arrived | self.waits_for_lift)
             rows = np.flatnonzero((self._crowd.group == group) & is_asked)
             rows = rows[~self._is_led(rows)]
             self._before[rows] = self.exit_routes(rows)
@@ -248,6 +256,7 @@ class Places(Saved):
             for k, row in enumerate(rows.tolist()):
                 self._assign(row, times[k], bool(np.isfinite(out[k])), taken_up)
             goes = self._meant[rows] >= 0
+            self.arrived[rows[~goes]] = False
             to_places = [ways[place] for place in self._meant[rows[goes]].tolist()]
             self._crowd.route[rows] = self._before[rows]
             self._crowd.route[rows[goes]] = to_places

@@ -339,11 +339,14 @@ class Simulation(Saved):
 
     @property
     def to_go_on(self) -> bool:
-        """Whether a change that is still to come may send people on who are at an assembly area."""
+        """Whether a change that is still to come may send people on who are at an assembly area or a refuge."""
         settings, arrived = self.case.simulation, self.places.arrived
         changes = self.scene.changes_before(settings.duration)
         targets = self.timetable.groups_to_send | {change.what for change in changes if change.kind == "strategy"}
         rows = [group.rows for group in self.population.groups if group.name in targets]
+        lifts = {lift.name for lift in self.building.lifts}
+        if any(change.kind == "open" and change.what in lifts for change in changes):
+            arrived, rows = self.places.waits_for_lift, [*rows, slice(None)]
         return self.step < settings.last_step and bool(changes) and any(arrived[some].any() for some in rows)
 
     def stop(self) -> None:

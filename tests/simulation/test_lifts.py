@@ -143,6 +143,21 @@ def test_wheelchairs_take_the_ground_that_they_need_and_block_no_car(capacity, o
     assert len(simulation.lifts.trips) >= trips
 
 
+@pytest.mark.parametrize("closes", [False, True])
+def test_people_leave_a_refuge_as_soon_as_a_lift_runs(closes):
+    plan = tower((0.0, 4.0), stair=True, service=closes)
+    plan.area("lobby", "s1", box(8, 1, 9.9, 5))
+    wide = group(2, "s1", name="wheelchairs", radius=0.4, turns=False, steepest=0.0, lifts=None)
+    events = [{"time": 60.0, "kind": "open", "target": "lift 0"}]
+    events += [{"time": 2.0, "kind": "close", "target": "lift 0"}] if closes else []
+    place = [{"name": "refuge", "kind": "refuge", "area": "lobby"}]
+    simulation = Simulation(case(plan, [wide], "nsm1", event=events, place=place))
+    run_ticks(simulation, round(59.0 / simulation.case.simulation.tick))
+    assert simulation.places.arrived.all()
+    assert watched(simulation).ended == "everybody out"
+    assert (simulation.lifts.trips[:, 1] > 60.0).all()
+
+
 def test_who_is_too_heavy_for_a_car_lets_the_others_pass_and_who_is_for_all_is_named_before_the_run():
     heavy = {"name": "heavy", "level": "s1", "mass": 200.0, "positions": [[9.6, 3.0]], "lifts": "preferred"}
     others = group(4, "s1", mass=70.0)
