@@ -507,10 +507,10 @@ class LineSettings(Table):
 
 
 #: The conditions of which `when` has one.
-CONDITIONS = ("event", "out", "count", "at_most", "density")
+CONDITIONS = ("event", "out", "count", "at_most", "density", "smoke")
 
-#: Those of them that are about the people in an area.
-IN_AREA = ("count", "at_most", "density")
+#: Those of them that are about an area.
+IN_AREA = ("count", "at_most", "density", "smoke")
 
 
 def _or_as_given(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
@@ -529,6 +529,7 @@ class WhenSettings(Table):
     count: Whole | None = key("at least this many people are in `area`", "", None, ge=1, le=MOST_PEOPLE)
     at_most: Whole | None = key("at most this many people are in `area`", "", None, ge=0, le=MOST_PEOPLE)
     density: Annotated[Real, Field(gt=0, le=MOST_DENSITY)] | None = key("at least this density in `area`", "1/m2", None)
+    smoke: Real | None = key("at least this extinction coefficient at the heads of people in `area`", "1/m", None, gt=0)
     area: str | None = key("name of an area or level", "", None)
     after: Real = key("time from then to the event", "s", 0.0, ge=0, le=LONGEST_RUN)
 

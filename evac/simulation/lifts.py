@@ -13,6 +13,7 @@ from evac.base.errors import counted, fault, plugin_code
 from evac.base.saved import Bounds, Saved
 from evac.building.model.building import Building, Portal
 from evac.building.model.lifts import Lift
+from evac.directions.fields import columns_of
 from evac.directions.routes import PREFERRED
 from evac.people.dispatcher import Car, Dispatcher, StopCall
 from evac.physics.extent import extent
@@ -234,8 +235,10 @@ class Lifts(Saved):
         found = [np.zeros(0, np.int32)]
         for door in self._doors(k):
             rows = np.flatnonzero(self._crowd.passing == door).astype(np.int32)
-            _, away, outward = nearest_points(self._scene.building.portals[door].segments, self._crowd.position[rows])
-            found.append(rows[away < extent(self._crowd, rows, *outward.T)])
+            if len(rows):
+                segments = self._scene.building.portals[door].segments
+                _, away, outward = nearest_points(segments, self._crowd.position[rows])
+                found.append(rows[away < extent(self._crowd, rows, *outward.T)])
         return np.concatenate(found)
 
     def _change(self, k: int, what: str, *stops: int) -> None:
@@ -358,7 +361,7 @@ class Lifts(Saved):
         """Note who waits before the doors of each lobby, and since when."""
         self._waits_at[:] = -1
         for number, lobby in enumerate(self._lobbies):
-            rows, _ = self._before(lobby)
+            rows = self._before(lobby)
             self._since[number] = np.fmin.reduce(self.waits_since[rows], initial=self._scene.time)
             self._waits_at[rows] = number
         waits = self._waits_at >= 0
@@ -366,24 +369,25 @@ class Lifts(Saved):
         self.waits_since[~waits & ~rides] = np.nan
         self.waits_since[waits & np.isnan(self.waits_since)] = self._scene.time
 
-    def _before(self, lobby: Lobby) -> tuple[IntArray, list[tuple[FloatArray, FloatArray]]]:
-        """Return who waits before the doors of a lobby, and nearest points and distances of each door."""
+    def _before(self, lobby: Lobby) -> IntArray:
+        """Return who waits before the doors of a lobby."""
         scene, crowd = self._scene, self._crowd
         rows = np.flatnonzero((crowd.level == lobby.level) & (crowd.start_time <= scene.time)).astype(np.int32)
         rides = np.array([bool(route.lifts) for route in scene.fields.routes])
         rows = rows[rides[crowd.route[rows]]]
-        off = [nearest_points(door.segments, crowd.position[rows])[:2] for _, _, door in lobby.cars]
-        if len(rows):
-            of = crowd.route[rows], crowd.contact_radius[rows]
-            here = scene.fields.travel_time_at(crowd.level[rows], crowd.position[rows], *of)
-            there = np.full(len(rows), np.inf)
-            for _, _, door in lobby.cars:
-                middle = np.broadcast_to(door.segments.reshape(-1, 2).mean(axis=0), (len(rows), 2))
-                np.minimum(there, scene.fields.travel_time_at(crowd.level[rows], middle, *of), out=there)
-            near = np.min([distance for _, distance in off], axis=0) < CALL
-            waits = np.isfinite(there) & (there < here + SLACK) & near
-            rows, off = rows[waits], [(nearest[waits], distance[waits]) for nearest, distance in off]
-        return rows, off
+        lines = [door.segments for _, _, door in lobby.cars]
+        rows = rows[nearest_points(np.concatenate(lines), crowd.position[rows])[1] < CALL]
+        if not len(rows):
+            return rows
+        here = scene.fields.travel_time_at(*self._of(rows))
+        _, first, of = np.unique(
+            columns_of(scene.fields.packed, crowd.route[rows], crowd.contact_radius[rows]), True, True
+        )
+        level, _, route, radius = (np.repeat(values, len(lines)) for values in self._of(rows[first]))
+        middles = np.array([line.reshape(-1, 2).mean(axis=0) for line in lines])
+        there = scene.fields.travel_time_at(level, np.tile(middles, (len(first), 1)), route, radius)
+        there = there.reshape(len(first), -1).min(axis=1)[of]
+        return rows[np.isfinite(there) & (there < here + SLACK)]
 
     def _can_carry(self, k: int) -> NDArray[np.bool_]:
         """Return whom a car can carry at all: by their mass, and as wide as its doors and its ground are."""
@@ -427,17 +431,27 @@ class Lifts(Saved):
         moved: FloatArray = np.clip(spots, np.array([x1, y1]) + off, np.array([x2, y2]) - off)
         return moved
 
+    def _waiting(self, k: int) -> IntArray:
+        """Return who waits before the doors of the lobby at which a car is."""
+        lobby = self._lobby[k, int(self.stop[k])]
+        rows = np.flatnonzero((self._waits_at == lobby) & (self._crowd.level == self._lobbies[lobby].level))
+        return rows.astype(np.int32)
+
+    def _of(self, rows: IntArray) -> tuple[IntArray, FloatArray, IntArray, FloatArray]:
+        """Return levels, places, routes and radii of people."""
+        crowd = self._crowd
+        return crowd.level[rows], crowd.position[rows], crowd.route[rows], crowd.contact_radius[rows]
+
     def _let_in(self, k: int) -> None:
         """Let in the nearest people before an open door, as many as there are places left; they are chosen anew."""
         lift, stop = self._lifts[k], int(self.stop[k])
         if self.phase[k] != OPEN or stop == lift.discharge or not self._runs(k):
             return
         crowd, lobby = self._crowd, self._lobbies[self._lobby[k, stop]]
-        rows, off = self._before(lobby)
-        for (car, at, door), (_, distance) in zip(lobby.cars, off, strict=True):
-            if (car, at) != (k, stop):
-                continue
-            own = self._on_line(k)
+        rows = self._waiting(k)
+        own = self._on_line(k)
+        for door in (door for car, at, door in lobby.cars if (car, at) == (k, stop)):
+            _, distance, _ = nearest_points(door.segments, crowd.position[rows])
             others = np.setdiff1d(np.flatnonzero((crowd.passing == door.index) & (crowd.level == lobby.level)), own)
             crowd.passing[others] = -1
             in_car = np.union1d(self._inside(k), own)
@@ -453,10 +467,10 @@ class Lifts(Saved):
         lobby = self._lobbies[self._lobby[k, stop]]
         if stop == self._lifts[k].discharge or len(lobby.cars) < 2:
             return
-        rows, off = self._before(lobby)
-        distance = next(away for (car, *_), (_, away) in zip(lobby.cars, off, strict=True) if car == k)
-        is_free = self._called[rows] < 0
-        rows, distance = rows[is_free], distance[is_free]
+        rows = self._waiting(k)
+        rows = rows[self._called[rows] < 0]
+        door = next(door for car, _, door in lobby.cars if car == k)
+        _, distance, _ = nearest_points(door.segments, self._crowd.position[rows])
         rows = rows[np.lexsort((rows, distance))]
         self._called[rows[np.isfinite(self._places_for(k, rows, self._inside(k))[:, 0])]] = k
 

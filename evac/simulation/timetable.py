@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import shapely
 
 from evac.base.arrays import IntArray
 from evac.base.change import ARRIVES, CLOSES, LEAVE, LIFT, OPENS, REMEDIES, Change, is_legal
@@ -162,7 +163,7 @@ class Timetable(Saved):
 
     saved = ("_happens",)
 
-    def __init__(self, events: "tuple[EventSettings, ...]", scene: "Scene") -> None:
+    def __init__(self, events: "tuple[EventSettings, ...]", scene: "Scene", has_air: bool = False) -> None:
         self._events, self._scene = events, scene
         self._places = {event.name: k for k, event in enumerate(events) if event.name is not None}
         # the time at which each event happens, infinite if it is not known yet [s]
@@ -174,6 +175,8 @@ class Timetable(Saved):
                 scene.apply(change)
             elif event.when.area is not None:
                 self._area(event.when.area)
+                if event.when.smoke is not None and not has_air:
+                    raise ScenarioError("event.when.smoke: the case has no [[conditions]], from which smoke comes")
 
     @property
     def is_waiting(self) -> bool:
@@ -215,10 +218,23 @@ class Timetable(Saved):
         if when.out is not None:
             return int(np.isfinite(people.crowd.exit_time).sum()) >= when.out
         assert when.area is not None
+        if when.smoke is not None:
+            return self._smoke_in(when.area) >= when.smoke
         count = len(people.rows_in(self._scene.building, when.area))
         if when.density is not None:
             return count >= when.density * self._area(when.area)
         return count >= when.count if when.count is not None else count <= (when.at_most or 0)
+
+    def _smoke_in(self, name: str) -> float:
+        """Return the greatest extinction coefficient in an area or level, at the heads of people [1/m]."""
+        field, most = self._scene.fields_of_behaviours["extinction"], 0.0
+        for part in self._scene.building.parts_named(name):
+            points = np.column_stack([values.ravel() for values in field.cells[part.level].centres()])
+            own = np.vstack(
+                [points[shapely.intersects_xy(part.polygon, *points.T)], *part.polygon.representative_point().coords]
+            )
+            most = max(most, float(field.at(np.full(len(own), part.level), own).max()))
+        return most
 
     def _area(self, name: str) -> float:
         """Return the area of an area or level [m2]."""

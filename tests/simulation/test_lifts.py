@@ -158,6 +158,22 @@ def test_people_leave_a_refuge_as_soon_as_a_lift_runs(closes):
     assert (simulation.lifts.trips[:, 1] > 60.0).all()
 
 
+def test_smoke_in_a_lobby_recalls_a_lift():
+    plan = tower((0.0, 4.0), stair=True)
+    plan.area("lobby", "s1", box(8, 1, 9.9, 5))
+    event = {"when": {"smoke": 0.5, "area": "lobby"}, "kind": "close", "target": "lift 0"}
+    growing = {"source": "prescribed", "times": [0, 20], "values": {"extinction": [0, 1]}, "hold": True}
+    scene = case(plan, [group(20, "s1")], event=[event], conditions=[growing], smoke={"routes": False})
+    simulation = watched(Simulation(scene))
+    (change,) = [change for change in simulation.scene.changes if change.kind == "close"]
+    assert 10.0 <= change.time <= 12.1  # the air is looked at every 2 s
+    assert simulation.ended == "everybody out"
+    assert (simulation.lifts.trips[:, 1] < change.time + 30.0).all()
+    assert len(simulation.lifts.rides) < 20
+    with pytest.raises(EvacError, match=r"when\.smoke: "):
+        Simulation(case(plan, [group(1, "s1")], event=[event]))
+
+
 def test_who_is_too_heavy_for_a_car_lets_the_others_pass_and_who_is_for_all_is_named_before_the_run():
     heavy = {"name": "heavy", "level": "s1", "mass": 200.0, "positions": [[9.6, 3.0]], "lifts": "preferred"}
     others = group(4, "s1", mass=70.0)
