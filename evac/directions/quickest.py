@@ -13,6 +13,7 @@ only if the speeds have changed on it, or if its ways lead through a level that 
 that no way leads through while nobody is in them (`pockets.py`).
 """
 
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
@@ -75,10 +76,18 @@ class Quickest(Saved):
         """Return whether an update is due at a tick of this length [s]: each period, and when links have changed."""
         return not self._is_solved or tick % max(1, round(self._settings.period / length)) == 0
 
-    def update(self, level: IntArray, position: FloatArray, route: IntArray, radius: FloatArray) -> None:
+    def update(
+        self,
+        level: IntArray,
+        position: FloatArray,
+        route: IntArray,
+        radius: FloatArray,
+        waits: Mapping[int, float] | None = None,
+    ) -> None:
         """Solve the routes again for people at levels (n,), -1 for those who have left, and positions (n, 2) [m].
 
-        Bodies fit through gaps by their radii (n,) [m].
+        Bodies fit through gaps by their radii (n,) [m]. People wait for lifts in the rooms of their cars for the times
+        `waits` [s], besides those that are always expected.
         """
         columns = columns_of(self.fields.packed, route, radius)
         inside = level >= 0
@@ -90,6 +99,7 @@ class Quickest(Saved):
             rows = (columns == number) & inside
             changed = column.leave_out_empty(nodes[rows])
             changed |= column.slow_down(self._density, crowded, self._settings.floor)
+            changed |= column.wait_for_lifts(waits or {}, gain)
             occupied = set(np.unique(level[rows]).tolist())
             self._counts[1] += column.solve(changed, occupied, not self._is_solved)
         self._counts[0] += 1

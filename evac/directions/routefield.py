@@ -1,7 +1,7 @@
 """The travel times and directions of a route, for a class of bodies, that follow the crowd."""
 
 import math
-from collections.abc import Set
+from collections.abc import Mapping, Set
 from copy import copy as shallow_copy
 from typing import Any, Self
 
@@ -32,8 +32,25 @@ from evac.directions.raster.strips import chain
 #: A level is solved again if the slowness has changed on it by more than this share of what the crowd adds to it.
 NOTICED = 0.1
 
+#: Change of the wait for a lift by which its ways are solved again [s].
+LONGER = 1.0
+
 #: Arrays of the waves that marches and speeds change.
-_CHANGED = ("factor", "state", "time", "exit", "gate", "walk", "former", "before", "leans", "heap", "key", "place")
+_CHANGED = (
+    "factor",
+    "state",
+    "time",
+    "exit",
+    "gate",
+    "walk",
+    "former",
+    "before",
+    "leans",
+    "heap",
+    "key",
+    "place",
+    "jump_time",
+)
 
 
 class RouteField(Saved):
@@ -45,7 +62,7 @@ class RouteField(Saved):
     end are `stale`.
     """
 
-    saved = ("waves.time", "waves.exit", "waves.gate", "waves.walk", "waves.former", "waves.leans")
+    saved = ("waves.time", "waves.exit", "waves.gate", "waves.walk", "waves.former", "waves.leans", "waves.jump_time")
 
     def __init__(
         self,
@@ -89,6 +106,7 @@ class RouteField(Saved):
         _start_at_exits(self.waves, grids, exits, starts)
         self.speed, self._wanted = np.ones(grids.size), np.ones(grids.size)
         self.stale: set[int] = set()
+        self._at_once = self.waves.jump_time.copy()
         self._halos = [np.flatnonzero(grids.is_ground(grid) & (grid.sheet != OWN)) for grid in grids.levels]
         self._fills = [self._fill_of(level, joins, base) for level in range(len(grids.levels))]
         jumps = np.zeros(grids.size, np.bool_)  # whose nodes belong to no pocket
@@ -265,7 +283,15 @@ class RouteField(Saved):
         """Return the bounds of the arrays of the waves."""
         links, any_time = Bounds(-1, self._grids.building.n_links - 1), Bounds(-np.inf, np.inf)
         gates, sides = Bounds(-1, len(self._gates.people) - 1), Bounds(0, 1)
-        bounds = {"time": any_time, "walk": any_time, "exit": links, "former": links, "gate": gates, "leans": sides}
+        bounds = {
+            "jump_time": any_time,
+            "time": any_time,
+            "walk": any_time,
+            "exit": links,
+            "former": links,
+            "gate": gates,
+            "leans": sides,
+        }
         return {f"waves.{name}": bound for name, bound in bounds.items()}
 
     def _nodes(self) -> list[slice]:
@@ -304,6 +330,17 @@ class RouteField(Saved):
             )
             if differs > noticed:
                 self._take_speeds(level, self._wanted[packed])
+                changed.add(level)
+        return changed
+
+    def wait_for_lifts(self, waits: Mapping[int, float], gain: float) -> set[int]:
+        """Take the waits [s] for lifts in the rooms of their cars, averaged over time; return the levels of these."""
+        waves, changed = self.waves, set()
+        for level, wait in waits.items():
+            own = waves.level_of[waves.jump_start] == level
+            more = (1.0 - gain) * (waves.jump_time[own] - self._at_once[own]) + gain * wait
+            if (np.abs(self._at_once[own] + more - waves.jump_time[own]) > LONGER).any():
+                waves.jump_time[own] = self._at_once[own] + more
                 changed.add(level)
         return changed
 

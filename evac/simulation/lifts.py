@@ -125,6 +125,7 @@ class Lifts(Saved):
         self._waits_at: NDArray[np.int64] = np.full(people, -1, np.int64)  # lobby before whose doors each person waits
         self._since = np.zeros(len(self._lobbies))  # since when the first of them has waited [s]
         self._looked = -LOOK
+        scene.waits_for_lifts = self._longer_waits
 
     @property
     def is_busy(self) -> bool:
@@ -178,8 +179,7 @@ class Lifts(Saved):
         for stop in np.unique(trips[:, 2]).astype(int).tolist():
             left = int(trips[trips[:, 2] == stop][:, Trip._fields.index("people")].sum())
             for people in [own.capacity] * (left // own.capacity) + [left % own.capacity] * (left % own.capacity > 0):
-                transfer = 2.0 * max(LEAST_TRANSFER, TRANSFER * people)
-                total += 2.0 * (lift.flight(lift.discharge, stop) + own.opening + own.closing) + transfer
+                total += _round_trip(lift, stop, people)
         return (1.0 + INEFFICIENCY) * total / len(bank)
 
     def warnings(self) -> tuple[str, ...]:
@@ -326,6 +326,44 @@ class Lifts(Saved):
         """Return whether a lift is in service."""
         return self._lifts[k].doors[0][0] in self._scene.building.awaited
 
+    def _longer_waits(self) -> dict[int, float]:
+        """Return by how much longer people wait for each lift than is expected always [s], by the rooms of its car.
+
+        Its bank makes the trips for all who wait, in the order of the dispatcher, and a car comes from the discharge.
+        """
+        waits = {}
+        waiting = np.bincount(self._waits_at[self._waits_at >= 0], minlength=len(self._lobbies)).tolist()
+        for k, lift in enumerate(self._lifts):
+            lobbies = [self._lobby[k, at] for at in range(len(lift.rooms))]
+            for stop in range(len(lift.rooms)):
+                if stop != lift.discharge and self._runs(k):
+                    people = {at: waiting[lobby] + (at == stop) for at, lobby in enumerate(lobbies)}
+                    del people[lift.discharge]
+                    cars = len({car for car, *_ in self._lobbies[lobbies[stop]].cars})
+                    wait = self._trips_until(k, stop, people) / cars + lift.flight(lift.discharge, stop)
+                    waits[lift.rooms[stop]] = max(0.0, wait + lift.operation.opening - lift.operation.wait)
+        return waits
+
+    def _trips_until(self, k: int, stop: int, people: dict[int, int]) -> float:
+        """Return the time of the trips of a car until the last of some people by stop is taken in at one of these [s].
+
+        It is infinite if the dispatcher does not send the car there.
+        """
+        lift, time = self._lifts[k], 0.0
+        calls = [StopCall(at, number, self._scene.time) for at, number in sorted(people.items()) if number]
+        while calls:
+            to = self._ask(k, lift.discharge, calls)
+            (call,) = (call for call in calls if call.stop == to) if to is not None else (None,)
+            if call is None:
+                return np.inf
+            full, rest = divmod(call.people, lift.operation.capacity)
+            time += full * _round_trip(lift, call.stop, lift.operation.capacity)
+            time += _round_trip(lift, call.stop, rest) if rest and to != stop else 0.0
+            if to == stop:
+                return time
+            calls.remove(call)
+        return time
+
     def _next_stop(self, k: int) -> int | None:
         """Return the next stop of a car: one that its dispatcher chooses, or if it is out of service its discharge."""
         lift, stop, calls = self._lifts[k], int(self.stop[k]), list[StopCall]()
@@ -336,8 +374,11 @@ class Lifts(Saved):
             lobby = self._lobby[k, at]
             if at != lift.discharge and lobby in waiting and (people := self._left_to(k, lobby)):
                 calls.append(StopCall(at, people, float(self._since[lobby])))
-        if not calls:
-            return None
+        return self._ask(k, stop, calls) if calls else None
+
+    def _ask(self, k: int, stop: int, calls: list[StopCall]) -> int | None:
+        """Return which of some stops the dispatcher chooses for a car at a stop; None if it stays."""
+        lift = self._lifts[k]
         car = Car(lift.name, lift.storeys, lift.heights, stop, lift.discharge, lift.operation.capacity)
         what, dispatcher = f"dispatcher {self._dispatcher.name!r}", self._dispatcher
         with plugin_code(f"t = {self._scene.time:.3f} s: {what}", dispatcher):
@@ -372,7 +413,9 @@ class Lifts(Saved):
     def _before(self, lobby: Lobby) -> IntArray:
         """Return who waits before the doors of a lobby."""
         scene, crowd = self._scene, self._crowd
-        rows = np.flatnonzero((crowd.level == lobby.level) & (crowd.start_time <= scene.time)).astype(np.int32)
+        rows: IntArray = np.flatnonzero((crowd.level == lobby.level) & (crowd.start_time <= scene.time)).astype(
+            np.int32
+        )
         rides = np.array([bool(route.lifts) for route in scene.fields.routes])
         rows = rows[rides[crowd.route[rows]]]
         lines = [door.segments for _, _, door in lobby.cars]
@@ -387,7 +430,8 @@ class Lifts(Saved):
         middles = np.array([line.reshape(-1, 2).mean(axis=0) for line in lines])
         there = scene.fields.travel_time_at(level, np.tile(middles, (len(first), 1)), route, radius)
         there = there.reshape(len(first), -1).min(axis=1)[of]
-        return rows[np.isfinite(there) & (there < here + SLACK)]
+        rows = rows[np.isfinite(there) & (there < here + SLACK)]
+        return rows
 
     def _can_carry(self, k: int) -> NDArray[np.bool_]:
         """Return whom a car can carry at all: by their mass, and as wide as its doors and its ground are."""
@@ -555,6 +599,12 @@ def spots_in(building: Building, lift: Lift) -> tuple[FloatArray, float]:
             break
     away = np.round(shapely.distance(shapely.points(points), door), 6)
     return points[np.lexsort((*points.T, -away))], spacing
+
+
+def _round_trip(lift: Lift, stop: int, people: int) -> float:
+    """Return the time by hand in which a car fetches some people from a stop [s], who get in and out one by one."""
+    way = lift.flight(lift.discharge, stop) + lift.operation.opening + lift.operation.closing
+    return 2.0 * (way + max(LEAST_TRANSFER, TRANSFER * people))
 
 
 def lobbies_of(building: Building) -> list[Lobby]:

@@ -111,6 +111,8 @@ class Scene(Saved):
         self.building, self.shared_scene = shared_scene.building, shared_scene
         self._settings, self._keeps_distances = settings, keeps_distances
         self.quickest: Quickest | None = None
+        #: Gives the waits for lifts, in the rooms of their cars, beyond those that are always expected [s].
+        self.waits_for_lifts: Callable[[], Mapping[int, float]] = dict
         self.local: LocalWays | None = None
         self.smoky: Smoky | None = None
         self.fields = self._own_fields(shared_scene.fields)
@@ -393,9 +395,11 @@ class Scene(Saved):
         """Find the ways that follow the crowd again, if that is due at a tick of this length [s]."""
         assert self.people is not None
         crowd = self.people.crowd
-        for ways in (self.quickest, self.local):
-            if ways is not None and ways.is_due(tick, length):
-                ways.update(crowd.level, crowd.position, crowd.route, crowd.contact_radius)
+        of = crowd.level, crowd.position, crowd.route, crowd.contact_radius
+        if self.quickest is not None and self.quickest.is_due(tick, length):
+            self.quickest.update(*of, self.waits_for_lifts())
+        if self.local is not None and self.local.is_due(tick, length):
+            self.local.update(*of)
 
     def in_smoke(self) -> Smoky:
         """Return the routes in smoke, which the scene follows from now on."""

@@ -343,11 +343,13 @@ class Simulation(Saved):
         settings, arrived = self.case.simulation, self.places.arrived
         changes = self.scene.changes_before(settings.duration)
         targets = self.timetable.groups_to_send | {change.what for change in changes if change.kind == "strategy"}
-        rows = [group.rows for group in self.population.groups if group.name in targets]
+        waits = np.zeros(len(arrived), np.bool_)
+        for group in self.population.groups:
+            waits[group.rows] = group.name in targets
         lifts = {lift.name for lift in self.building.lifts}
         if any(change.kind == "open" and change.what in lifts for change in changes):
-            arrived, rows = self.places.waits_for_lift, [*rows, slice(None)]
-        return self.step < settings.last_step and bool(changes) and any(arrived[some].any() for some in rows)
+            waits |= self.places.waits_for_lift
+        return self.step < settings.last_step and bool(changes) and bool((arrived & waits).any())
 
     def stop(self) -> None:
         """End the run now, unless it has ended already; `results` are those until now."""

@@ -158,6 +158,22 @@ def test_people_leave_a_refuge_as_soon_as_a_lift_runs(closes):
     assert (simulation.lifts.trips[:, 1] > 60.0).all()
 
 
+def test_quickest_takes_the_lift_as_long_as_its_queue_is_shorter_than_the_stairs():
+    plan = tower(tuple(4.0 * storey for storey in range(5)), 2, stair=True, speed=2.5, capacity=8, wait=0.0)
+    times = {}
+    for name, own in {
+        "stairs": {"lifts": ""},
+        "fastest": {"lifts": "weighed"},
+        "quickest": {"lifts": "weighed", "strategy": "quickest"},
+    }.items():
+        people = [group(20, f"s{storey}", **own) for storey in range(1, 5)]
+        simulation = watched(Simulation(case(plan, people, "nsm1")))
+        assert simulation.ended == "everybody out"
+        times[name], rode = simulation.time, len(simulation.lifts.rides)
+    assert 0 < rode < 80
+    assert times["quickest"] <= 1.05 * min(times.values())
+
+
 def test_smoke_in_a_lobby_recalls_a_lift():
     plan = tower((0.0, 4.0), stair=True)
     plan.area("lobby", "s1", box(8, 1, 9.9, 5))
@@ -186,9 +202,9 @@ def test_who_is_too_heavy_for_a_car_lets_the_others_pass_and_who_is_for_all_is_n
     assert warning.startswith("people.heavy: ")
 
 
-@pytest.mark.parametrize("model", ["dem", "nsm2"])
-def test_a_run_resumed_while_doors_open_people_board_ride_and_get_out_has_the_same_bits(model):
-    scene = case(tower((0.0, 4.0), cars=2, capacity=3, start="s1"), [group(5, "s1")], model)
+@pytest.mark.parametrize(("model", "strategy"), [("dem", "fastest"), ("nsm2", "quickest")])
+def test_a_run_resumed_while_doors_open_people_board_ride_and_get_out_has_the_same_bits(model, strategy):
+    scene = case(tower((0.0, 4.0), cars=2, capacity=3, start="s1"), [group(5, "s1", strategy=strategy)], model)
     whole, states = Simulation(scene), []
     while not whole.ended:
         whole.advance_tick()
