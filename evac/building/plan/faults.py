@@ -34,6 +34,8 @@ MENDED = ("rooms", "stairs", "shafts", "doors", "exits", "openings", "areas", "o
 NEARBY = 10.0
 #: Least width of a door [m], and its least distance from the corner of a room.
 LEAST_WIDTH, JAMB = 0.5, 0.05
+#: Width that is tried of a door that is too wide for its wall [m].
+USUAL_WIDTH = 0.9
 
 
 def draw(plan: Plan) -> SurfaceMesh:
@@ -75,8 +77,6 @@ class _Drawn:
         """Return one error with all errors, their remedies, and the building of what is right in the plan."""
         wrong = {error.item for error in errors}
         doors = [door for door in self.drawing.plan.doors if key_of("doors", door) not in wrong]
-        for door in self.plan.mended:
-            self._is_right("doors", _row("doors", [door]), doors)
         error = refusal(self.source, self._with_remedies(errors, doors))
         error.building = building
         return error
@@ -85,28 +85,51 @@ class _Drawn:
         """Return findings with remedies of the errors and warnings among them; `doors`: those that are right."""
         doors = list(doors)
         return [
-            replace(one, remedy=self._remedy(one, doors)) if one.kind in ("error", "warning") else one
+            found
             for one in findings
+            for found in (self._mended(one, doors) if one.kind in ("error", "warning") else [one])
         ]
 
-    def _remedy(self, error: Finding, doors: list[Item]) -> str:
-        """Return the first change of its item, beside doors that are right, that removes an error or a warning."""
+    def _mended(self, error: Finding, doors: list[Item]) -> list[Finding]:
+        """Return an error or a warning with its remedy, and those of its item that are found once it is mended."""
         section, _, name = (error.item or "").partition(".")
         given = [item for item in getattr(self.plan, section) if item.name == name] if section in MENDED else []
         if error.remedy or not given:  # such as of a stair of flights and landings
-            return error.remedy
-        row = _row(section, given)
-        for change in _changes(self.plan, self.drawing, section, row, error.text):
-            if self._is_right(section, {**row, **change}, doors):
-                return "\n".join(toml_lines(change))
-        return "remove it" if error.kind == "error" else ""
+            return [error]
+        return self._chain(error, section, _row(section, given), doors)
 
-    def _is_right(self, section: str, row: Mapping[str, Any], doors: list[Item]) -> bool:
-        """Return whether an item can be added to the rest of the plan with some doors, to which it is added."""
+    def _chain(self, error: Finding, section: str, row: dict[str, Any], doors: list[Item]) -> list[Finding]:
+        """Return an error and those that follow it, each with a change that removes it.
+
+        Other errors of an item are found after those of the names in it.
+        """
+        names, later = _names(self.plan, self.drawing, row), list[tuple[dict[str, Any], Finding]]()
+        for change in [*names, *_changes(self.plan, self.drawing, section, row, error.text)]:
+            again = self._tried(section, {**row, **change}, doors)
+            if again is None:
+                return [replace(error, remedy="\n".join(toml_lines(change)))]
+            if change in names and again.kind == "error" and again.text != error.text:
+                later.append((change, again))
+        further: list[Finding] = []
+        for change, again in later:
+            further = self._chain(again, section, {**row, **change}, doors)
+            if further[-1].remedy != "remove it":
+                break
+        if further:
+            return [replace(error, remedy="\n".join(toml_lines(change))), *further]
+        return [replace(error, remedy="remove it" if error.kind == "error" else "")]
+
+    def _tried(self, section: str, row: Mapping[str, Any], doors: list[Item]) -> Finding | None:
+        """Return the error or warning of an item that is added to the rest of the plan with some doors.
+
+        A door without one is added to these doors.
+        """
         rest, trial = self.plan, Plan(self.source, headroom=self.plan.headroom)
         trial.storeys, trial.refused = rest.storeys, rest.refused
         ends: Any = row.get("segment")
         around = shapely.LineString(ends).buffer(NEARBY) if np.shape(ends) == (2, 2) else None
+        if around is not None and not self.drawing.rooms.get(row["storey"], around).intersects(around):
+            around = None  # far from all ground
 
         def is_near(shape: BaseGeometry) -> bool:
             return around is None or bool(shape.intersects(around))
@@ -125,20 +148,23 @@ class _Drawn:
             setattr(trial, kind, [item for item in others if item.storey in trial.storeys])
         try:
             getattr(trial, section.removesuffix("s"))(**row)
-        except BuildingError:
-            return False
+        except BuildingError as error:
+            return Finding("error", str(error).removeprefix(f"{self.source}: "), item=f"{section}.{row['name']}")
         if section == "doors":
             known = [door for door in doors if door.storey in trial.storeys]
             trial.doors = [*(door for door in known if is_near(shapely.LineString(door.segment))), *trial.doors]
         drawing = Drawing(trial)
         mesh = drawing.mesh()
-        is_right = (
-            mesh is not None and not drawing.errors and not _built(drawing.plan, mesh, self.source, self.options)[1]
-        )
-        is_right &= all(one.kind != "warning" or one.item != f"{section}.{row['name']}" for one in drawing.findings)
-        if is_right and section == "doors":
-            doors += [door for door in drawing.plan.doors if door.name == row["name"]]
-        return is_right
+        item = f"{section}.{row['name']}"
+        told = [one for one in drawing.findings if one.kind == "warning" and one.item == item]
+        faults: list[Finding] = [*drawing.errors, *told]
+        if mesh is not None and not faults:
+            faults = _built(drawing.plan, mesh, self.source, self.options)[1]
+        if mesh is not None and not faults:
+            doors += [door for door in drawing.plan.doors if section == "doors" and door.name == row["name"]]
+            return None
+        nothing = Finding("error", "nothing can be drawn", item=item)
+        return next((one for one in faults if one.item == item), [*faults, nothing][0])
 
 
 def _row(section: str, items: list[Any]) -> dict[str, Any]:
@@ -174,18 +200,28 @@ def _of_items(plan: Plan, findings: Iterable[Finding]) -> list[Finding]:
     ]
 
 
-def _changes(plan: Plan, drawing: Drawing, section: str, row: Mapping[str, Any], text: str) -> Iterable[dict[str, Any]]:
-    """Yield changes of an item that may remove its error, the most likely first."""
+def _names(plan: Plan, drawing: Drawing, row: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return changes of an item to storeys and rooms that exist, with names like those that do not."""
+    found: list[dict[str, Any]] = []
     for key in ("storey", "lower", "upper"):
         if key in row and row[key] not in plan.storeys:
-            yield from ({key: close} for close in difflib.get_close_matches(row[key], plan.storeys, 2, 0.5))
+            found += [{key: close} for close in difflib.get_close_matches(row[key], plan.storeys, 2, 0.5)]
     segment = row.get("segment")
     if isinstance(segment, Mapping):
         own = [room.name for room in drawing.plan.rooms if room.storey == row["storey"]]
         closest = [(difflib.get_close_matches(name, own, 1, 0.5) or [name])[0] for name in segment["rooms"]]
-        yield {"segment": {**segment, "rooms": closest}}
+        if closest != [*segment["rooms"]]:
+            found.append({"segment": {**segment, "rooms": closest}})
+    return found
+
+
+def _changes(plan: Plan, drawing: Drawing, section: str, row: Mapping[str, Any], text: str) -> Iterable[dict[str, Any]]:
+    """Yield changes of an item that may remove its error, the most likely first."""
+    segment = row.get("segment")
+    if isinstance(segment, Mapping):
         yield {"segment": {key: value for key, value in segment.items() if key != "at"}}
-        yield {"segment": {key: value for key, value in segment.items() if key not in ("at", "width")}}
+        in_the_middle = {key: value for key, value in segment.items() if key not in ("at", "width")}
+        yield from ({"segment": one} for one in (in_the_middle, {**in_the_middle, "width": USUAL_WIDTH}))
     elif segment is not None and row["storey"] in drawing.rooms and np.shape(segment) == (2, 2):
         if section == "doors" and "one side" in text:
             yield {"outside": "exit"}

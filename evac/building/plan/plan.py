@@ -211,7 +211,6 @@ class Plan:
         self.lines: list[tuple[str, str, FloatArray]] = []
         self.findings: list[Finding] = []
         self.refused: set[str] = set()  # storeys and rooms that a plan file does not define as it should
-        self.mended: list[Item] = []  # doors that it does not define so, as they are with their remedies
 
     def __repr__(self) -> str:
         parts = {

@@ -4,7 +4,7 @@ import copy
 import difflib
 import inspect
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
@@ -57,10 +57,7 @@ def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = 
             errors.append(Finding("error", text, item=section, remedy="remove it"))
             continue
         for index, item in enumerate(items):
-            try:
-                _add(plan, section, index, item, folder, prefix)
-            except BuildingError as error:
-                errors.append(_error(plan, section, index, item, folder, str(error).removeprefix(f"{source}: ")))
+            errors += _added(plan, section, index, item, folder, prefix)
     if not errors:
         return plan
     refused = refusal(source, errors)
@@ -80,43 +77,72 @@ def _name(index: int, item: Any) -> str:
 def _add(plan: Plan, section: str, index: int, item: Any, folder: Path, prefix: str = "") -> None:
     """Add an item to a plan."""
     add = getattr(plan, section.removesuffix("s"))
-    _check_keys(f"{plan.source}: {prefix}{section}.{_name(index, item)}", item, add)
+    _check_keys(f"{plan.source}: {prefix}{section}.{_name(index, item)}", item, _known(section))
     values = dict(item)
     if section == "storeys" and isinstance(values.get("file"), str):
         values["file"] = folder / values["file"]
     add(**values)
 
 
-def _error(plan: Plan, section: str, index: int, item: Any, folder: Path, text: str) -> Finding:
-    """Return the error of an item that cannot be added, with a remedy that has been tried."""
+def _added(plan: Plan, section: str, index: int, item: Any, folder: Path, prefix: str) -> list[Finding]:
+    """Add an item to a plan, as it is or with the remedies of its errors, which have been tried; return the errors."""
+
+    def refusal_of(row: Mapping[str, Any]) -> str | None:
+        trial = copy.copy(plan)
+        vars(trial).update({name: copy.copy(value) for name, value in vars(plan).items()})
+        try:
+            _add(trial, section, index, row, folder, prefix)
+        except BuildingError as error:
+            return str(error).removeprefix(f"{plan.source}: ")
+        return None
+
+    def mended(row: Mapping[str, Any], text: str, most: int = 3) -> tuple[list[tuple[str, str]], Mapping[str, Any]]:
+        """Return the errors of a row with their remedies, each of which removes one, and the row without them."""
+        changes = [(refusal_of(changed), changed, remedy) for changed, remedy in _changed(section, row)]
+        for again, changed, remedy in sorted(changes, key=lambda change: change[0] is not None):
+            if again is None:
+                return [(text, remedy)], changed
+            if again != text and most > 1:
+                further, right = mended(changed, again, most - 1)
+                if further[-1][1]:
+                    return [(text, remedy), *further], right
+        return [(text, "")], row
+
+    if (refused := refusal_of(item)) is None:
+        _add(plan, section, index, item, folder, prefix)
+        return []
+    found, right = mended(item, refused) if isinstance(item, Mapping) else ([(refused, "")], {})
     key = f"{section}.{_name(index, item)}"
-    if not isinstance(item, Mapping):
-        return Finding("error", text, item=key, remedy="remove it")
-    if section in ("storeys", "rooms"):
-        plan.refused.add(str(item.get("name")))
-    names = [item.get(one) for one in (["name"] if section == "storeys" else ["storey", "lower"])]
+    if found[-1][1] and (section != "storeys" or item.keys() - right.keys() <= item.keys() - _known(section)):
+        _add(plan, section, index, right, folder, prefix)
+    elif section in ("storeys", "rooms"):
+        plan.refused.add(str(right.get("name")))
+    names = [right.get(one) for one in (["name"] if section == "storeys" else ["storey", "lower"])]
     storey, place = next((one for one in names if isinstance(one, str)), None), None
     for shape in ("segment", "polygon", "lower_edge"):
         with suppress(Exception):  # what is wrong with the shape is told already
-            given = item[shape]
+            given = right[shape]
             x, y = np.mean(shapely.get_coordinates(from_wkt(given)) if isinstance(given, str) else given, axis=0)
             place = (float(x), float(y))
-    known = list(inspect.signature(getattr(plan, section.removesuffix("s"))).parameters)
-    right = {one: value for one, value in item.items() if one in known}
-    trials = [
-        ({**right, close: item[wrong]}, f"{close} = {toml_value(item[wrong])}\nremove {wrong}")
-        for wrong in item.keys() - right.keys()
-        for close in difflib.get_close_matches(wrong, known, 1, 0.5)
-    ]
-    trials += [({one: item[one] for one in item if one != wrong}, f"remove {wrong}") for wrong in item]
-    for row, remedy in trials:
-        trial = copy.copy(plan)
-        vars(trial).update({name: copy.copy(value) for name, value in vars(plan).items()})
-        with suppress(BuildingError):
-            _add(trial, section, index, row, folder)
-            plan.mended += trial.doors[len(plan.doors) :]
-            return Finding("error", text, storey, place, key, remedy)
-    return Finding("error", text, storey, place, key, "remove it")
+    return [Finding("error", text, storey, place, key, remedy or "remove it") for text, remedy in found]
+
+
+def _known(section: str) -> dict[str, inspect.Parameter]:
+    """Return the keys of the items of a section."""
+    parameters = inspect.signature(getattr(Plan, section.removesuffix("s"))).parameters
+    return {key: parameter for key, parameter in parameters.items() if key != "self"}
+
+
+def _changed(section: str, row: Mapping[str, Any]) -> Iterator[tuple[Mapping[str, Any], str]]:
+    """Yield a row with one key renamed or removed, and the remedy that this is."""
+    known = _known(section)
+    for wrong in row.keys() - known.keys():
+        for close in difflib.get_close_matches(wrong, known.keys() - row.keys(), 1, 0.5):
+            renamed = {close if key == wrong else key: value for key, value in row.items()}
+            yield renamed, f"{close} = {toml_value(row[wrong])}\nremove {wrong}"
+    for wrong in row:
+        if wrong not in known or (wrong != "name" and known[wrong].default is not inspect.Parameter.empty):
+            yield {key: value for key, value in row.items() if key != wrong}, f"remove {wrong}"
 
 
 def table_of(plan: Plan) -> dict[str, Any]:
@@ -158,11 +184,10 @@ def table_of(plan: Plan) -> dict[str, Any]:
     return {key: value for key, value in table.items() if value != []}
 
 
-def _check_keys(what: str, item: Any, method: Any) -> None:
+def _check_keys(what: str, item: Any, known: Mapping[str, inspect.Parameter]) -> None:
     """Refuse an item that is not a table, lacks a key, or has an unknown key."""
     if not isinstance(item, Mapping):
         raise BuildingError(f"{what}: must be a table, not {item!r}")
-    known = inspect.signature(method).parameters
     for key in item:
         if key not in known:
             raise BuildingError(f"{what}.{key}: unknown key; {did_you_mean(str(key), list(known))}")

@@ -1,6 +1,7 @@
 """A plan without its short forms: rooms become ground and areas, shafts stairs; storeys are repeated, ties resolved."""
 
 import copy
+import difflib
 from collections.abc import Collection, Mapping
 from dataclasses import fields, replace
 from itertools import pairwise
@@ -13,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.parameters import did_you_mean
+from evac.base.toml import toml_value
 from evac.building.geometry import GRID, are_beside, flat_parts, pieces_along, rounded, segment_lengths, sides
 from evac.building.model.findings import Finding, noting
 from evac.building.plan.plan import Item, Plan, Room, Shaft, Stair, Storey, Tie
@@ -31,11 +33,14 @@ def expanded(plan: Plan, errors: list[Finding]) -> Plan:
             like = plan.storeys[[name, *chain][-1]].like
             if like in plan.storeys:
                 raise ValueError("like: it is like itself; name another storey")
-            if like is not None and like not in plan.refused:
-                hint = did_you_mean(like, list(plan.storeys))
-                raise ValueError(f"like: no storey is named {like!r}; {hint}")
             if like is None:
                 order[name] = chain
+            elif like not in plan.refused:
+                known = [one for one in plan.storeys if one != name]
+                close = difflib.get_close_matches(like, known, 1, 0.5)
+                remedy = f"like = {toml_value(close[0])}" if close else "remove it"
+                text = f"storey {name!r}: like: no storey is named {like!r}; {did_you_mean(like, known)}"
+                errors.append(Finding("error", text, name, None, f"storeys.{name}", remedy))
     declared = {*plan.storeys, *plan.refused}
     for room in plan.rooms:
         with noting(errors, f"room {room.name!r}", f"rooms.{room.name}", None, room.outline):
