@@ -244,7 +244,7 @@ class Lifts(Saved):
     def _change(self, k: int, what: str, *stops: int) -> None:
         lift = self._lifts[k]
         value = (what, *(lift.storeys[stop] for stop in stops))
-        self._scene.apply(Change(self._scene.time, LIFT, lift.name, {"value": value}))
+        self._scene.make(Change(self._scene.time, LIFT, lift.name, {"value": value}))
 
     def _enter(self, k: int, phase: int, until: float) -> bool:
         self.phase[k], self.until[k] = phase, until

@@ -191,6 +191,10 @@ class Scene(Saved):
         if change.time > self.time + AT_ONCE or self._has_ended:
             self._waiting.append(change)
             return
+        self.make(change)
+
+    def make(self, change: Change) -> None:
+        """Make a change now that can be made, such as one of a car."""
         with nullcontext() if self.people is None else self.people.writable():
             made = KINDS[change.kind].act(self, change)
         if made is not None:

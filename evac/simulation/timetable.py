@@ -17,7 +17,6 @@ from evac.building.model.links import changed
 from evac.directions.routes import Route, changed_route
 
 if TYPE_CHECKING:
-    from evac.building.model.lifts import Lift
     from evac.case.schema import EventSettings, WhenSettings
     from evac.people.places import Places
     from evac.simulation.scene import Scene
@@ -118,20 +117,12 @@ def _find_people(scene: "Scene", change: Change) -> None:
     scene.people.rows_in(scene.building, change.what)
 
 
-def _check_lift(scene: "Scene", change: Change) -> None:
-    _, *storeys = change.values["value"]
-    lift = _lift_of(scene, change)
-    for storey in storeys:
-        if storey not in lift.storeys:
-            hint = did_you_mean(storey, list(lift.storeys))
-            raise ScenarioError(f"change of {change.what!r}: it does not stop at {storey!r}; {hint}")
-
-
-def _lift_of(scene: "Scene", change: Change) -> "Lift":
-    lifts = {lift.name: lift for lift in scene.building.lifts}
-    if change.what not in lifts:
-        raise ScenarioError(f"change of {change.what!r}: there is no such lift; {did_you_mean(change.what, [*lifts])}")
-    return lifts[change.what]
+def _refuse_lift(scene: "Scene", change: Change) -> None:
+    """Refuse what only cars do."""
+    raise ScenarioError(
+        f"change of {change.what!r}: the kind 'lift' is what cars do by themselves; 'close' and 'open' take a lift out "
+        "of service and put it back"
+    )
 
 
 def _change_lift(scene: "Scene", change: Change) -> Mapping[str, Any] | None:
@@ -142,7 +133,7 @@ def _change_lift(scene: "Scene", change: Change) -> Mapping[str, Any] | None:
     if what == ARRIVES:
         from evac.simulation.lifts import carry
 
-        lift = _lift_of(scene, change)
+        lift = next(lift for lift in scene.building.lifts if lift.name == change.what)
         carry(scene, lift, *map(lift.storeys.index, storeys))
     return {}
 
@@ -154,7 +145,7 @@ KINDS = {
     **dict.fromkeys(("open", "close", "no_entry", "control", "one_way", "move", "slow", "bar"), _BUILDING),
     "strategy": Kind(_check_strategy, _change_strategy),
     "alarm": Kind(_find_people, lambda scene, change: {}),  # on which behaviours act
-    LIFT: Kind(_check_lift, _change_lift),
+    LIFT: Kind(_refuse_lift, _change_lift),
 }
 
 

@@ -145,6 +145,13 @@ def test_lifts_that_cannot_be_are_refused_with_their_key(change, key, word):
     assert word in str(raised.value)
 
 
+def test_lifts_on_the_same_ground_are_refused():
+    plan = house()
+    plan.lift("B", ["ground", "first"], box(10.2, 3.0, 11.6, 4.6), [(10.2, 3.3), (10.2, 4.2)])
+    with pytest.raises(evac.BuildingError, match="lift 'B': it overlaps lift 'A'"):
+        plan.building()
+
+
 def test_a_case_names_lifts_of_its_building_only():
     with pytest.raises(evac.BuildingError, match=r"building\.lifts\.B"):
         house().building(lifts={"B": {"capacity": 4}})

@@ -241,7 +241,9 @@ def test_a_recorded_run_has_its_lifts_and_the_heights_of_people_who_ride(tmp_pat
     assert np.nanmax(speed) <= 2.0 + 0.1
 
 
-@pytest.mark.parametrize(("kind", "value"), [("open", None), ("one_way", False), ("control", {"every": 1.0})])
+@pytest.mark.parametrize(
+    ("kind", "value"), [("open", None), ("one_way", False), ("control", {"every": 1.0}), ("lift", ("opens at", "s1"))]
+)
 def test_events_name_lifts_and_not_their_doors(kind, value):
     event = {"time": 3.0, "kind": kind, "target": "s1 - lift 0 s1"} | ({} if value is None else {"value": value})
     with pytest.raises(EvacError, match="lift 0"):

@@ -304,6 +304,9 @@ class Drawing:
         for name in lift.storeys:
             with noting(self.errors, f"lift {lift.name!r}", f"lifts.{lift.name}", name, lift.polygon):
                 check_storey(self.declared, name)
+                for other in self.plan.lifts[: self.plan.lifts.index(lift)]:
+                    if name in other.storeys and common(other.polygon, lift.polygon).area > 0.0:
+                        raise ValueError(f"it overlaps lift {other.name!r} on storey {name!r}; move one of them")
                 self.floors[name] = cut(self.floors[name], lift.polygon.buffer(LIFT_WALL, join_style="mitre"))
                 doors = [piece for one in lift.doors for piece in _on_outline(lift.polygon, one).reshape(-1, 2, 2)]
                 if not doors:
