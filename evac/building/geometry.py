@@ -274,18 +274,22 @@ def are_beside(segments: FloatArray, others: FloatArray, reach: float) -> BoolAr
 def pieces_along(segments: FloatArray, ends: FloatArray, reach: float) -> tuple[FloatArray, IndexArray]:
     """Return the pieces (p, 4) of segments (s, 4) along a line (2, 2), at most `reach` from it [m], and their rows.
 
-    Pieces shorter than 1 mm are left out, and those that end less than 1 mm before an end of their segment end there.
+    Each segment may have a line (s, 2, 2) of its own. Pieces shorter than 1 mm are left out, and those that end less
+    than 1 mm before an end of their segment end there.
     """
-    length = segment_lengths(segments)
+    length, ends = segment_lengths(segments), ends.reshape(-1, 2, 2)
     start, step = segments[:, :2], (segments[:, 2:] - segments[:, :2]) / length[:, None]
-    direction = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
-    share = np.stack([((point - start) * step).sum(axis=1) for point in ends], axis=1)
+    span = np.hypot(*(ends[:, 1] - ends[:, 0]).T)[:, None]
+    direction = (ends[:, 1] - ends[:, 0]) / span
+    share = ((ends - start[:, None]) * step[:, None]).sum(axis=-1)
     low, high = np.maximum(share.min(axis=1), 0.0), np.minimum(share.max(axis=1), length)
     low, high = np.where(low < LEAST_LENGTH, 0.0, low), np.where(length - high < LEAST_LENGTH, length, high)
     pieces = np.concatenate([start + low[:, None] * step, start + high[:, None] * step], axis=1)
-    rows = np.flatnonzero((high - low > LEAST_LENGTH) & (np.abs(step @ direction) > ALONG))
-    ends_of = shapely.points(pieces[rows].reshape(-1, 2, 2))
-    rows = rows[shapely.distance(ends_of, shapely.linestrings(ends)).max(axis=1, initial=0.0) <= reach]
+    offset = pieces.reshape(-1, 2, 2) - ends[:, :1]
+    share = (offset * direction[:, None]).sum(axis=-1).clip(0.0, span)
+    away = np.linalg.norm(offset - share[..., None] * direction[:, None], axis=-1).max(axis=1)
+    is_along = (high - low > LEAST_LENGTH) & (np.abs((step * direction).sum(axis=-1)) > ALONG)
+    rows = np.flatnonzero(is_along & (away <= reach))
     return pieces[rows], rows
 
 

@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -108,9 +109,11 @@ def _added(plan: Plan, section: str, index: int, item: Any, folder: Path, prefix
                     return [(text, remedy), *further], right
         return [(text, "")], row
 
-    if (refused := refusal_of(item)) is None:
+    try:
         _add(plan, section, index, item, folder, prefix)
         return []
+    except BuildingError as error:
+        refused = str(error).removeprefix(f"{plan.source}: ")
     found, right = mended(item, refused) if isinstance(item, Mapping) else ([(refused, "")], {})
     key = f"{section}.{_name(index, item)}"
     if found[-1][1] and (section != "storeys" or item.keys() - right.keys() <= item.keys() - _known(section)):
@@ -127,6 +130,7 @@ def _added(plan: Plan, section: str, index: int, item: Any, folder: Path, prefix
     return [Finding("error", text, storey, place, key, remedy or "remove it") for text, remedy in found]
 
 
+@cache
 def _known(section: str) -> dict[str, inspect.Parameter]:
     """Return the keys of the items of a section."""
     parameters = inspect.signature(getattr(Plan, section.removesuffix("s"))).parameters

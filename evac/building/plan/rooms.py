@@ -149,14 +149,14 @@ def _tied(
 
 def _between(tie: Tie, one: BaseGeometry, other: BaseGeometry) -> FloatArray:
     """Return the longest straight wall (2, 2) between two rooms, from its end with the least (x, y)."""
-    walls, own, others = np.empty((0, 2, 2)), sides(one), sides(other)
-    is_beside = are_beside(others, own, DOOR_REACH)
-    for row in np.flatnonzero(is_beside.any(axis=1)):
-        start, end = ends = others[row].reshape(2, 2)
-        near = rounded(pieces_along(own[is_beside[row]], ends, DOOR_REACH)[0]).reshape(-1, 2, 2)
-        step = (end - start) / np.hypot(*(end - start))
-        far = start + ((near - start) @ step)[..., None] * step
-        walls = np.concatenate([walls, (near + far) / 2])  # in the middle of a wall that is drawn with both its faces
+    own, others = sides(one), sides(other)
+    rows, columns = np.nonzero(are_beside(others, own, DOOR_REACH))
+    ends = others[rows].reshape(-1, 2, 2)
+    pieces, found = pieces_along(own[columns], ends, DOOR_REACH)
+    near, start, end = rounded(pieces).reshape(-1, 2, 2), ends[found, :1], ends[found, 1:]
+    step = (end - start) / np.linalg.norm(end - start, axis=-1, keepdims=True)
+    far = start + ((near - start) * step).sum(axis=-1, keepdims=True) * step
+    walls = (near + far) / 2  # in the middle of a wall that is drawn with both its faces
     if not len(walls):
         raise ValueError(f"no wall at most {DOOR_REACH:g} m thick is between {tie.rooms[0]!r} and {tie.rooms[1]!r}")
     longest: FloatArray = walls[segment_lengths(walls.reshape(-1, 4)).argmax()]
