@@ -1,5 +1,4 @@
 import importlib
-import re
 import sys
 from pathlib import Path
 
@@ -19,24 +18,6 @@ def root():
 
 
 @pytest.fixture(scope="session")
-def python_blocks():
-    """Return the Python blocks of a document, in order."""
-
-    def blocks(path):
-        return re.findall(r"^```python\n(.*?)^```", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
-
-    return blocks
-
-
-@pytest.fixture(scope="session")
-def plugin_files(python_blocks, tmp_path_factory):
-    """The files of the pages on plugins as written, by name: each block starts with its file name in a comment."""
-    folder = tmp_path_factory.mktemp("plugins")
-    files = {}
-    for page in sorted((ROOT / "docs").glob("plugins*.md")):
-        for text in python_blocks(page):
-            name = text.partition("\n")[0].removeprefix("# ")
-            assert name.endswith(".py"), f"a block of {page} does not start with its file name: {name}"
-            files[name] = folder / name
-            files[name].write_text(text, encoding="utf-8")
-    return files
+def plugin_files():
+    """The plugins that the pages on plugins show, by the names of their files."""
+    return {path.name: path for path in (ROOT / "docs/examples/plugins").glob("*.py")}

@@ -1,7 +1,8 @@
-"""The plugins of docs/plugins*.md run as they are written there."""
+"""The plugins of docs/examples/plugins run, and docs/plugins*.md quote them as they are."""
 
 import math
 import os
+import re
 import subprocess
 import sys
 
@@ -62,8 +63,17 @@ def test_parents_fetch_their_children_and_leave_with_them(plugin_files):
     assert np.abs(together).max() < 4.0
 
 
-def test_every_file_is_tried_here(plugin_files):
+def test_every_file_is_tried_here_and_quoted_as_it_is(plugin_files, root):
     assert sorted([*NAMES, "test_my_plugins.py"]) == sorted(plugin_files)
+    pages = "".join(page.read_text(encoding="utf-8") for page in (root / "docs").glob("plugins*.md"))
+    quoted = re.findall(
+        r"^\[(\w+\.py)\]\(examples/plugins/\1\):\n\n```python\n(.*?)^```", pages, re.MULTILINE | re.DOTALL
+    )
+    assert len(quoted) == pages.count("```python") > 10
+    for name, block in quoted:
+        lines = map(str.strip, plugin_files[name].read_text(encoding="utf-8").splitlines())
+        shown = (line.strip().removesuffix(" ...") for line in block.splitlines())
+        assert all(line in lines for line in shown if line not in ("", "...")), name
 
 
 @pytest.mark.parametrize("name", NAMES)
