@@ -7,7 +7,10 @@ import pytest
 from shapely import box
 
 import evac
-from evac.building.model.lifts import Motion
+from evac.base.change import Change
+from evac.base.errors import BuildingError
+from evac.building.model.lifts import Motion, risen
+from evac.building.model.links import links_named
 
 
 def integrated(motion, steps=400_000):
@@ -155,3 +158,29 @@ def test_lifts_on_the_same_ground_are_refused():
 def test_a_case_names_lifts_of_its_building_only():
     with pytest.raises(evac.BuildingError, match=r"building\.lifts\.B"):
         house().building(lifts={"B": {"capacity": 4}})
+
+
+def test_cars_are_where_their_trips_take_them():
+    building = house(speed=2.5, capacity=8, start_delay=0.5).building()
+    (lift,) = building.lifts
+
+    def trip(time, what, *storeys):
+        return Change(time, "lift", "A", {"value": (what, *storeys)})
+
+    other = Change(0.5, "close", "out", {})
+    trips = [trip(1.0, "leaves", "ground", "second"), other, trip(20.0, "arrives from", "ground", "second")]
+    motion = lift.motion(0, 2)
+    for after in (0.0, 0.4, 0.5, 1.0, 3.0, motion.duration + 0.5):
+        off = risen(building, trips, 1.0 + after)
+        assert off[lift.rooms[0]] == pytest.approx(motion.at(after - 0.5) if after > 0.5 else 0.0)
+        assert np.count_nonzero(off) <= 1
+    assert not risen(building, trips, 21.0).any()
+    down = risen(building, [trip(0.0, "leaves", "second", "first")], 100.0)
+    assert down[lift.rooms[2]] == pytest.approx(-3.5)
+
+
+def test_a_door_of_a_lift_is_not_closed_by_itself():
+    building = house(speed=2.5, capacity=8).building()
+    door = building.portals[building.lifts[0].doors[0][0]].name
+    with pytest.raises(BuildingError, match="lift 'A'"):
+        links_named(building, door)

@@ -3,7 +3,7 @@
 import networkx
 import pytest
 
-from evac.base.errors import BuildingError, EvacError
+from evac.base.errors import BuildingError, EvacError, ResultError
 from evac.building.model.links import close_links, levels_reaching, ways_onto
 from evac.case.loading import load_case
 from evac.simulation.simulation import Simulation
@@ -114,3 +114,11 @@ def test_the_graph_has_what_is_open(building, closed):
     for way in filter(building.is_open, building.exits):
         part = networkx.node_connected_component(graph, ("exit", way.index))
         assert levels_reaching(building, [way]) == {index for kind, index in part if kind == "level"}
+
+
+def test_levels_are_found_by_name_and_index(building):
+    for level in building.levels:
+        assert building.level_at(level.index) is level is building.level_at(level.name)
+    for wrong in (-1, len(building.levels), "roof"):
+        with pytest.raises(ResultError, match=str(wrong)):
+            building.level_at(wrong)

@@ -113,6 +113,7 @@ def without(plan, attribute, name):
         (lambda plan: plan.door("wide", "ground", {"rooms": ["hall"], "side": 1, "width": 9.0}), "'wide'.*8.00 m"),
         (lambda plan: plan.door("side", "ground", {"rooms": ["hall"], "side": 4}), "'side'.*side 4.*0 to 3"),
         (lambda plan: plan.door("one", "ground", {"rooms": ["hall"]}), "'one'.*side"),
+        (lambda plan: plan.door("none", "ground", {"rooms": []}), "'none'.*rooms"),
         (lambda plan: plan.door("odd", "ground", {"rooms": ["hall"], "side": "a"}), "'odd'.*side"),
         (lambda plan: plan.room("hall", "ground", box(0, 0, 1, 1)), "'hall'"),
         (lambda plan: plan.room("two", "ground", [box(0, 0, 1, 1), box(2, 0, 3, 1)]), "'two'.*one polygon"),

@@ -346,3 +346,18 @@ def test_a_saved_memory_that_cannot_be_is_refused(fault):
     engine.load(Sticking())
     with pytest.raises(SavedError, match=r"memory\.|room"):
         engine.restore(saved)
+
+
+def test_what_is_kept_lasts_when_contacts_need_more_room_within_a_tick():
+    """Two people are pressed for 20 steps; others, of whom there are more than there is room for, touch after 10."""
+    others = [(0.0, 2.0 + row) for row in range(6)] + [(0.42, 2.0 + row) for row in range(6)]
+    position = [(0.0, 0.0), (0.39, 0.0), *others]
+    velocity = [(0.0, 0.0)] * 8 + [(-2.0, 0.0)] * 6
+    crowd = make_crowd(position, velocity, radius=0.2, mass=80.0, tau=FREE)
+    model, engine = Counting(stiffness=100.0), make_engine(crowd, make_building())
+    make_room_for_contacts(engine.data, 2)
+    engine.advance(model, crowd, 0, 20, 1e-3, True, False)
+    pairs, numbers = remembered(engine)
+    assert len(engine.data.contacts.body) > 2
+    assert len(pairs) == 7
+    assert numbers[pairs.index([0, 1])].tolist() == pytest.approx([20, 19e-3])

@@ -29,6 +29,9 @@ def test_who_left_by_an_exit_that_the_route_does_not_name_is_counted(results, ma
     by_first = np.flatnonzero((results.crowd.exit_used == 0) & (results.crowd.route == 0))
     assert by_first.size
     assert pushed.left_by_other_exits.tolist() == by_first.tolist()
+    crowd = results.crowd.replace(exit_used=np.where(results.crowd.exit_used == 0, 1, results.crowd.exit_used))
+    by_second = make_results(building=building, routes=results.routes, crowd=crowd)
+    assert by_second.left_by_other_exits.tolist() == np.flatnonzero(results.crowd.exit_used == 0).tolist()
     assert any("outside their route" in line and f"{by_first.size} p" in line for line in pushed.remarks)
 
 

@@ -12,6 +12,7 @@ import pytest
 import evac
 from evac.base.errors import PluginError, ResultError, ScenarioError, SimulationError
 from evac.folder.files import RUNS_STREAM_NAME
+from evac.study.outputs import statistics_table
 from evac.study.store import read_identity, write_identity
 
 
@@ -136,6 +137,9 @@ def test_a_study_stops_when_it_knows_enough(case):
     assert study.rule.is_known(study.times(0), study.populations(0))
     assert 8 <= study.runs_of(0) <= 30
     assert study.table().num_rows == study.runs_of(0)
+    names = [name for name, *_ in statistics_table(study, 0)]
+    assert len(names) == len({*names})
+    assert study.rule.statistic in names
     narrow = evac.repeat(case, until=0.001, least=2, most=4, workers=1)
     assert narrow.runs_of(0) == 4
     assert not narrow.rule.is_known(narrow.times(0), narrow.populations(0))
