@@ -3,6 +3,7 @@
 import csv
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -215,9 +216,10 @@ def test_the_plan_of_the_guide_is_evacuated(text, capsys):
     assert capsys.readouterr().out == "20 of 20 out\n"
 
 
-def test_the_plan_file_of_the_guide_is_read(text, tmp_path):
-    (plan,) = fenced(text("docs/plans.md"), "toml")
-    (tmp_path / "house.plan.toml").write_text(plan, encoding="utf-8")
+def test_the_plan_file_of_the_guide_is_read(text, root, tmp_path):
+    shutil.copy(root / "docs/examples/house.plan.toml", tmp_path)
+    (shown,) = fenced(text("docs/plans.md"), "toml")
+    assert all(table in text("docs/examples/house.plan.toml") for table in shown.strip().split("\n\n"))
     rooms = "POLYGON ((0 0, 9 0, 9 6, 0 6, 0 0))\nPOLYGON ((9 0, 14 0, 14 6, 9 6, 9 0))"
     (tmp_path / "ground.wkt").write_text(rooms, encoding="utf-8")
     building = evac.read_building(tmp_path / "house.plan.toml")
@@ -229,12 +231,10 @@ def test_the_plan_file_of_the_guide_is_read(text, tmp_path):
     assert areas == {name: pytest.approx(6.95 * 8.0 + 0.05 - 0.5) for name in ("office", "second office")}
 
 
-def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
-    (mesh,) = fenced(text("docs/meshes.md"), "text")
-    _, case = fenced(text("docs/meshes.md"), "toml")
-    (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
-    (tmp_path / "case.toml").write_text(case, encoding="utf-8")
-    results = evac.run(evac.load(tmp_path))
+def test_the_bare_building_of_the_guide_is_evacuated(text, root):
+    example = root / "docs/examples/split_level"
+    assert fenced(text("docs/meshes.md"), "toml")[1] in (example / "case.toml").read_text(encoding="utf-8")
+    results = evac.run(evac.load(example))
     assert results.evacuated == results.number_of_people == 10
     assert [level.kind for level in results.building.levels] == ["floor", "flight", "floor"]
     assert len(results.building.portals) == 2
@@ -243,9 +243,8 @@ def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
 
 
 def test_the_presets_of_the_guide_are_taken(text, tmp_path):
-    (mesh,) = fenced(text("docs/meshes.md"), "text")
-    (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
-    _, case = fenced(text("docs/meshes.md"), "toml")
+    shutil.copy(ROOT / "docs/examples/split_level/split_level.obj", tmp_path)
+    case = text("docs/examples/split_level/case.toml")
     (presets,) = fenced(text("docs/case.md"), "toml")
     (tmp_path / "case.toml").write_text(f"{case}\n{presets}", encoding="utf-8")
     simulation = Simulation(evac.load(tmp_path))

@@ -1,6 +1,7 @@
 """The documentation site: every public name is described, and every recipe runs."""
 
 import re
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -21,7 +22,7 @@ def fenced(text, kind):
     return re.findall(rf"^```{kind}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
 
-RECIPES = [
+UPSTAIRS, *RECIPES = [
     block
     for page in sorted((Path(__file__).parents[2] / "docs").glob("recipes*.md"))
     for block in fenced(page.read_text(encoding="utf-8"), "toml")
@@ -63,12 +64,10 @@ def test_every_page_is_in_the_contents(root):
 
 @pytest.fixture
 def split_level(root, tmp_path):
-    """Return the building of the guide and a folder that has its mesh."""
-    text = (root / "docs/meshes.md").read_text(encoding="utf-8")
-    mesh = next(block for block in fenced(text, "text") if block.startswith("v "))
-    case = next(block for block in fenced(text, "toml") if "split_level.obj" in block)
-    (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
-    return tmp_path, tomllib.loads(case)
+    """Return the case of the guide and a folder that has its mesh."""
+    example = root / "docs/examples/split_level"
+    shutil.copy(example / "split_level.obj", tmp_path)
+    return tmp_path, tomllib.loads((example / "case.toml").read_text(encoding="utf-8"))
 
 
 def merged(case, recipe):
@@ -88,6 +87,8 @@ def test_recipes_are_taken(text, split_level, monkeypatch):
     folder, case = split_level
     monkeypatch.chdir(folder)
     recipe = tomllib.loads(text)
+    if "balcony" in text and "building.exits" not in text:
+        case = merged(case, tomllib.loads(UPSTAIRS))
     if "event" in recipe:
         case["people"][0]["speed"] = 0.15  # so that somebody is there at the times of the events
     simulation = Simulation(load_case(merged(case, recipe)))
