@@ -53,6 +53,18 @@ class Distribution:
     minimum: float = -math.inf
     maximum: float = math.inf
 
+    @classmethod
+    def __get_pydantic_json_schema__(cls, *_: object) -> dict[str, Any]:
+        """Return the JSON schema of what case.toml has: a number, or a table with one kind of distribution."""
+        numbers = {"type": "array", "items": {"type": "number"}}
+        moments: dict[str, Any] = {"type": "object", "properties": {key: {"type": "number"} for key in LOGNORMAL_TABLE}}
+        moments |= {"required": list(LOGNORMAL_TABLE), "additionalProperties": False}
+        kinds: dict[str, Any] = {name: {"description": ", ".join(words), **numbers} for name, words in KINDS.items()}
+        kinds |= {"constant": {"anyOf": [{"type": "number"}, numbers]}, "lognormal": {"anyOf": [numbers, moments]}}
+        kinds |= {key: {"type": "number"} for key in ("minimum", "maximum")}
+        table = {"type": "object", "properties": kinds, "additionalProperties": False, "minProperties": 1}
+        return {"anyOf": [{"type": "number"}, table]}
+
     def draw(self, generator: np.random.Generator, n: int) -> FloatArray:
         """Return `n` values, (n,) float64.
 

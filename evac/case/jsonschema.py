@@ -7,7 +7,6 @@ import types
 from collections.abc import Mapping, Sequence
 from typing import Any, get_args, get_origin
 
-from evac.base.distributions import KINDS, LOGNORMAL_TABLE
 from evac.base.parameters import Configurable, Parameter
 from evac.building.plan.plan import Plan
 from evac.building.plan.plantable import SECTIONS
@@ -34,7 +33,6 @@ def case_schema(registry: Registry) -> Schema:
     """
     schema = Case.model_json_schema()
     definitions = {name: _without_names(one) for name, one in schema.pop("$defs").items()}
-    definitions |= {"Distribution": _distribution(), "Factor": _table({"factor": _DISTRIBUTION}, ["factor"])}
     definitions["BuildingSettings"]["properties"]["plan"] = _without_draft(plan_schema())
     models = registry.contact_models
     definitions["ContactSettings"]["properties"] |= {name: _parameters(cls) for name, cls in models.items()}
@@ -80,16 +78,6 @@ def _table(properties: Mapping[str, Schema], required: Sequence[str] = ()) -> Sc
 
 #: A distribution of case.toml.
 _DISTRIBUTION = {"$ref": "#/definitions/Distribution"}
-
-
-def _distribution() -> Schema:
-    """Return the schema of a number or of a table with one kind of distribution."""
-    numbers: Schema = {"type": "array", "items": {"type": "number"}}
-    moments = _table({key: {"type": "number"} for key in LOGNORMAL_TABLE}, LOGNORMAL_TABLE)
-    kinds: Schema = {name: {"description": ", ".join(words), **numbers} for name, words in KINDS.items()}
-    kinds |= {"constant": {"anyOf": [{"type": "number"}, numbers]}, "lognormal": {"anyOf": [numbers, moments]}}
-    bounds = {key: {"type": "number"} for key in ("minimum", "maximum")}
-    return {"anyOf": [{"type": "number"}, {**_table({**kinds, **bounds}), "minProperties": 1}]}
 
 
 def _parameters(cls: type[Configurable], keys: Sequence[str] | None = None) -> Schema:

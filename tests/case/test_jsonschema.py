@@ -7,10 +7,11 @@ from importlib.resources import files
 from pathlib import Path
 
 import pytest
-from jsonschema import Draft7Validator
+from jsonschema import Draft7Validator, Draft202012Validator
 
 from evac.base.errors import BuildingError, ScenarioError
 from evac.building.plan.plantable import plan_of
+from evac.case.case import Case
 from evac.case.jsonschema import case_schema, plan_schema
 from evac.case.loading import case_from
 from evac.contract.registry import Registry
@@ -79,7 +80,8 @@ def test_schemas_are_valid(of_case, of_plan):
 
 @pytest.mark.parametrize("name", CASES)
 def test_shipped_cases_are_accepted(name, of_case):
-    assert not list(of_case.iter_errors(content(name)[0]))
+    for validator in (of_case, Draft202012Validator(Case.model_json_schema())):
+        assert not list(validator.iter_errors(content(name)[0]))
 
 
 def test_the_plan_of_new_cases_is_accepted(of_plan):
