@@ -9,11 +9,12 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from evac.analysis.measures import FORCE_SPAN, WAITING_SPEED, Records, records
+from evac.analysis.measures import FORCE_SPAN, Records, records
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Level
 from evac.building.model.cells import Cells
+from evac.conditions.law import WAITING_SPEED
 from evac.trajectory.trajectory import Trajectory
 
 #: Least side of a cell [m], greatest number of cells of a level, and greatest radius of the kernel [cells].

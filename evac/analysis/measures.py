@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IntArray, pairs_of
 from evac.base.phases import told
 from evac.building.model.elevation import gradients, in_space
+from evac.conditions.law import WAITING_SPEED
 from evac.trajectory.trajectory import Trajectory
-
-#: People slower than this wait [m/s].
-WAITING_SPEED = 0.2
 
 #: Contact forces, which vary from step to step, are means over the recorded times of this interval [s].
 FORCE_SPAN = 1.0

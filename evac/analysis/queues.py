@@ -1,6 +1,7 @@
-"""Queues by what causes them: the exit, door, stair or person beyond which people walk on."""
+"""Queues by what causes them: the exit, door, stair or person beyond which people walk on, or thick smoke."""
 
 from collections.abc import Iterable, Iterator
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +14,7 @@ from evac.analysis.measures import Records, joined, records
 from evac.base.arrays import FloatArray
 from evac.base.errors import counted
 from evac.building.model.building import Building
+from evac.conditions.air import NAME as SMOKE
 from evac.trajectory.trajectory import Trajectory
 
 #: How long people are watched after a passage, and the spans for which it is asked whether they wait there [s].
@@ -37,18 +39,18 @@ class Queue:
 
     Waiting is that of `evac.analysis.measures.Measures`. People wait for what they pass next; if those who have just
     passed it wait as well, for what they pass after that, and so on to the place beyond which people walk on. Those
-    who pass nothing any more wait for what is nearest to them.
+    who pass nothing any more wait for what is nearest to them. Whom smoke alone makes as slow waits because of smoke.
 
     Attributes
     ----------
     kind : str
-        ``"exit"``, ``"door"``, ``"stair"``, ``"shaft"`` of several stairs, ``"portal"`` between floors, or ``"level"``
-        without any of these.
+        ``"exit"``, ``"door"``, ``"stair"``, ``"shaft"`` of several stairs, ``"portal"`` between floors, ``"level"``
+        without any of these, or ``"smoke"`` on a level.
     name : str
     level : str
         Level of its head at `time`.
     x, y : float [m]
-        Middle of what is passed there; of a level the mean position of those who waited.
+        Middle of what is passed there; of a level and smoke the mean position of those who waited.
     tail : str
         Floor or stair of the last in the queue at `time`.
     people : int
@@ -95,10 +97,14 @@ class Queue:
         return self.waited < max(LEAST, LEAST_EACH * self.people)
 
     @property
+    def place(self) -> str:
+        """What is passed there, or the smoke, in words."""
+        return f"{self.kind} {'on ' * (self.kind == 'smoke')}{self.name!r}"
+
+    @property
     def cause(self) -> str:
         """What causes it, in words."""
-        place = f"{self.kind} {self.name!r}"
-        return f"{self.blocker}, before {place}" if self.blocker else place
+        return f"{self.blocker}, before {self.place}" if self.blocker else self.place
 
     def brief(self) -> str:
         """Return the cause and its share, in words."""
@@ -113,14 +119,15 @@ class Queue:
         )
 
 
-def find_queues(trajectory: Trajectory, flows: Iterable[LineFlow]) -> tuple[Queue, ...]:
+def find_queues(trajectory: Trajectory, flows: Iterable[LineFlow], slow_from: float | None = None) -> tuple[Queue, ...]:
     """Return the queues of a run, sorted by the time for which people waited in total, the longest first.
 
-    The passages of people are those of `flows`, of all links, doors and lines.
+    The passages of people are those of `flows`, of all links, doors and lines. From the extinction coefficient
+    `slow_from` on [1/m], smoke alone makes people as slow as those who wait.
     """
     ways = _Ways(trajectory, flows)
     causes = [_cause(trajectory.building, line) for line in ways.lines]
-    causes += [("level", level.title) for level in trajectory.building.levels]
+    causes += [(kind, level.title) for kind in ("level", "smoke") for level in trajectory.building.levels]
     numbers = {cause: number for number, cause in enumerate(dict.fromkeys(causes))}
     number = np.array([numbers[cause] for cause in causes], np.int64)
     queues, standing = [_Waiting(trajectory, ways, *cause) for cause in numbers], _Standing(trajectory)
@@ -128,6 +135,9 @@ def find_queues(trajectory: Trajectory, flows: Iterable[LineFlow]) -> tuple[Queu
         still = standing.add(part)
         rows = part.chosen(part.waits > 0.0)
         line, passes = ways.causes(rows)
+        if slow_from is not None:
+            in_smoke = _extinction(trajectory, rows) >= slow_from
+            line[in_smoke] = len(ways.lines) + len(trajectory.building.levels) + rows.level[in_smoke]
         cause, away = number[line], ways.distances(rows, line)
         for k in np.unique(cause).tolist():
             own = np.flatnonzero(cause == k)
@@ -151,6 +161,17 @@ def _whole_spans(trajectory: Trajectory, ways: "_Ways") -> Iterator[Records]:
         kept.append(part.chosen(slice(later, None)))
     if kept:
         yield joined(kept)
+
+
+def _extinction(trajectory: Trajectory, rows: Records) -> FloatArray:
+    """Return the extinction coefficient (s,) at people's heads as it was recorded [1/m]; 0 if it was not."""
+    extinction = np.zeros(len(rows.frame))
+    for number, field_of in enumerate(trajectory.level_fields):
+        for frame in np.unique(rows.frame).tolist() if field_of.name == SMOKE else ():
+            smoke, own = copy(field_of), rows.frame == frame
+            smoke.values = trajectory.rows[frame].fields[number]
+            extinction[own] = smoke.at(rows.level[own], rows.position[own])
+    return extinction
 
 
 def _cause(building: Building, line: LineFlow) -> tuple[str, str]:
@@ -307,7 +328,8 @@ class _Waiting:
             head = then[line[then] == np.bincount(line[then]).argmax()]
             first = head[np.argmin(away[head])]
             last = then[np.lexsort([away[then], passes[then]])[-1]]
-            at = self._ways.middle(line[first]) if self._kind != "level" else rows.position[then].mean(axis=0)
+            is_place = self._kind not in ("level", "smoke")
+            at = self._ways.middle(line[first]) if is_place else rows.position[then].mean(axis=0)
             self._peak = {
                 "level": self._levels[rows.level[first]].name,
                 "x": float(at[0]),

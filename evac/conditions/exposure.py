@@ -14,7 +14,7 @@ from evac.base.saved import Bounds, Saved
 from evac.building.model.building import DOWN, FLAT, UP
 from evac.conditions.air import NAME, PERIOD, Air, SmokeField
 from evac.conditions.dose import COUNTED, MINUTE, NEEDED, dose_rates, irritant_concentration, irritant_scale
-from evac.conditions.law import SmokeLaw, share_in_smoke
+from evac.conditions.law import SmokeLaw, share_in_smoke, slow_from
 from evac.conditions.routes import RoutesInSmoke
 from evac.conditions.source import AT_ONCE, HEAD, IRRITANTS, QUANTITIES
 from evac.contract.registry import create
@@ -256,6 +256,7 @@ class Exposure(Saved):
             "quantities": self.quantities,
             "findings": self._findings(),
             "greatest_extinction": float(self.extinction.max(initial=0.0)),
+            "slow_from": slow_from(self._law, float(self._crowd.speed[:, FLAT].mean())),
             "routes": None if self.routes is None else self.routes.report(),
             "doses": dict(zip(SERIES, self._series.T.tolist(), strict=True)),
             "dose": None,

@@ -12,6 +12,12 @@ from evac.base.parameters import Configurable
 #: Extinction coefficient of smoke so dense that laws have their least speed [1/m].
 DENSE = 1e4
 
+#: Extinction coefficients among which that is found from which on people are slower than they are when they wait [1/m].
+THICK = np.geomspace(0.1, 100.0, 301)
+
+#: People slower than this wait [m/s].
+WAITING_SPEED = 0.2
+
 #: Least share of the speed in irritants, if a law states no least speed: that of FDS+Evac in smoke.
 LEAST_SHARE = 0.1
 
@@ -79,3 +85,10 @@ def share_with_irritants(concentration: FloatArray) -> FloatArray:
     """
     share: FloatArray = (np.exp(-((1000.0 * concentration / 160.0) ** 2)) + 0.2 - 0.2 * concentration) / 1.2
     return np.clip(share, 0.0, 1.0)
+
+
+def slow_from(law: SmokeLaw, desired: float) -> float | None:
+    """Return the extinction coefficient from which on people with a desired speed are slower than when they wait."""
+    speeds = np.full_like(THICK, desired)
+    slow = THICK[speeds * share_in_smoke(law, speeds, THICK, None) < WAITING_SPEED]
+    return float(slow[0]) if len(slow) else None

@@ -193,7 +193,6 @@ def import_building(
         produced = {building.name, *([CASE] if made.is_accepted else [])}
         digests = {name: digest_of_file(draft / name)[:16] if name in produced else "none" for name in (CASE, PLAN)}
         (draft / REPORT).write_text(report_text(made, digests | changed), encoding="utf-8", errors="replace")
-        _show("drawing every level")
         _draw(made, draft, are_named=bool(building.openings))
         if building.name == MESH and not made.is_accepted:
             produced = set()

@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
+from evac.base.phases import told
 from evac.building.model.building import Building, Level
 from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import PART, Finding, and_more, listed
@@ -76,7 +77,8 @@ def levels_figure(
     groups = listed(findings)
     panels = [[level.index for level in levels] for levels in plans.levels]
     places = _by_place(building, panels, groups)
-    for number, (axes, levels) in enumerate(zip(plans.axes, plans.levels, strict=True)):
+    drawn = zip(plans.axes, plans.levels, strict=True)
+    for number, (axes, levels) in enumerate(told("drawing every level", drawn, len(panels))):
         _show_coordinates(axes)
         _name_parts(axes, building, levels)
         for mark in marks:

@@ -271,8 +271,9 @@ class Results:
     conditions: Mapping[str, Any] | None = None
     """Null in a case without `[[conditions]]`. Otherwise: `sources`; the `law` of speed; the `quantities` that are
     read; the `findings` of the sources; the `doses` over time (mean and greatest, every two seconds); the solves of
-    `routes` and their CPU time since the start or the last resumption [s]; the `greatest_extinction` [1/m]; and, with
-    `[dose]`, the entry `dose`: `form`, `heat`, `threshold` and `susceptibility` of the dose, the required quantities
+    `routes` and their CPU time since the start or the last resumption [s]; the `greatest_extinction` [1/m]; that from
+    which on people with the mean speed are slower than when they wait (`slow_from`; null: none); and, with `[dose]`,
+    the entry `dose`: `form`, `heat`, `threshold` and `susceptibility` of the dose, the required quantities
     that are `not_in_data`, the number of people with doses above 0.3 and 1, the greatest doses, and the number
     `stopped`."""
     safety: Mapping[str, Any] | None = None
@@ -540,7 +541,8 @@ class Results:
     @cached_property
     def queues(self) -> tuple[Queue, ...]:
         """The queues in the recorded motion, the longest first; empty without it."""
-        return find_queues(self.trajectory, self.flows) if self.trajectory is not None else ()
+        thick = (self.conditions or {}).get("slow_from")
+        return find_queues(self.trajectory, self.flows, thick) if self.trajectory is not None else ()
 
     @cached_property
     def tables(self) -> "dict[str, Rows]":

@@ -118,7 +118,7 @@ def tables_of(run: "Results") -> dict[str, Rows]:
         ],
         "queues": [
             (
-                *(f"{queue.kind} {queue.name!r}", 100.0 * queue.share, queue.people, queue.waited / queue.people),
+                *(queue.place, 100.0 * queue.share, queue.people, queue.waited / queue.people),
                 *(queue.most, queue.start, queue.end),
             )
             for queue in run.queues[:MOST_FLOWS]

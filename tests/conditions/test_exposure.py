@@ -302,3 +302,14 @@ def test_people_at_a_refuge_breathe_its_air(duration, stopped):
     assert results.time == pytest.approx(1.0 / rate if stopped else duration, abs=0.6)
     assert results.conditions["dose"]["growing"] == 1 - stopped
     assert any("still took a dose" in line for line in results.remarks) == (not stopped)
+
+
+def test_who_crawls_in_thick_smoke_waits_because_of_it_and_not_for_a_door():
+    area = {"name": "smoke", "level": "f", "polygon": [[20, 0], [30, 0], [30, 2], [20, 2]]}
+    for extinction, place in ((12.0, "smoke on 'f'"), (8.0, None)):  # of which the law makes 0.125 and 0.443 m/s
+        case = corridor(prescribed(extinction, area="smoke"), positions=((10.0, 0.5), (10.0, 1.5)))
+        results = evac.run(case.change({"building.areas": [area]}), progress=False)
+        assert results.conditions["slow_from"] == pytest.approx(0.84 * 0.706 / 0.057, rel=0.03)
+        assert (results.hold_up and results.hold_up.place) == place
+        waited = sum(queue.waited for queue in results.queues)
+        assert waited == pytest.approx(2 * 10.0 / 0.125 if place else 0.0, rel=0.1, abs=1.0)

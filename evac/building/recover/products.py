@@ -4,6 +4,7 @@ The only module that knows the library. A product whose shape takes too long or 
 Limits are those of computing time, which other programs that run on the machine do not take.
 """
 
+import math
 import signal
 import time
 from collections.abc import Callable, Collection, Sequence
@@ -15,14 +16,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.base.arrays import FloatArray, IndexArray
+from evac.base.phases import shown_by
 
 if TYPE_CHECKING:
     from evac.base.processes import Pool
 
 #: The library, which the extra evac[ifc] installs.
 LIBRARY = "ifclite_geom"
-#: Number of products that are tried together after all of them together have failed.
-BATCH = 64
+#: Number of parts in which products are read, and of products tried together after those of a part have failed.
+PARTS, BATCH = 8, 64
 #: Time for the start of a process, which has the file to read [s].
 START = 60.0
 #: Most times its computing time that a call may last; Windows measures no computing time of a process.
@@ -56,7 +58,8 @@ def read_products(content: bytes, classes: Collection[str], each: float, total: 
             raise ValueError(f"its entities cannot be read: {entities}")
         found = Products(entities)
         wanted = [number for number, one in entities.items() if one["ifc_type"] in classes and one["has_geometry"]]
-        todo = [wanted] if wanted else []
+        size = math.ceil(len(wanted) / PARTS)
+        todo = [wanted[k : k + size] for k in range(0, len(wanted), size or 1)]
         while todo:
             group = todo.pop(0)
             limit = min(each, total - reader.used)
@@ -68,6 +71,8 @@ def read_products(content: bytes, classes: Collection[str], each: float, total: 
             else:
                 size = BATCH if len(group) > BATCH else 1
                 todo = [group[k : k + size] for k in range(0, len(group), size)] + todo
+            for show in shown_by[-1:]:
+                show("reading shapes", len(wanted) - sum(map(len, todo)), len(wanted))
         return found
     finally:
         reader.close()
