@@ -14,7 +14,7 @@ from evac.analysis.measures import Records, joined, records
 from evac.base.arrays import FloatArray
 from evac.base.errors import counted
 from evac.building.model.building import Building
-from evac.conditions.air import NAME as SMOKE
+from evac.conditions.law import SMOKE
 from evac.trajectory.trajectory import Trajectory
 
 #: How long people are watched after a passage, and the spans for which it is asked whether they wait there [s].
@@ -94,7 +94,7 @@ class Queue:
     @property
     def is_little(self) -> bool:
         """Whether so little was waited that it is not worth a sentence."""
-        return self.waited < max(LEAST, LEAST_EACH * self.people)
+        return is_little(self.waited, self.people)
 
     @property
     def place(self) -> str:
@@ -117,6 +117,11 @@ class Queue:
             f"{self.waited / self.people:.1f} s on average, from {self.start:.1f} to {self.end:.1f} s, at most "
             f"{self.most} at once, at {self.time:.1f} s, back to {self.tail!r}"
         )
+
+
+def is_little(waited: float, people: float) -> bool:
+    """Return whether so little was waited by some people, in total [s], that it is not worth a sentence."""
+    return waited < max(LEAST, LEAST_EACH * people)
 
 
 def find_queues(trajectory: Trajectory, flows: Iterable[LineFlow], slow_from: float | None = None) -> tuple[Queue, ...]:

@@ -208,7 +208,7 @@ def shown_progress(display: Display) -> "Callable[[StudyProgress], None]":
 
 def show_study(study: "Study") -> int:
     """Show the statistics; return 2 if runs failed, else 3 if people are left in any run, else 0."""
-    from evac.study.outputs import parameter_keys, quality_of, remarks_of, statistics_table
+    from evac.study.outputs import hold_up_of, parameter_keys, quality_of, remarks_of, statistics_table
 
     case = study.points[0].case
     people = {row["people"] for row in study.rows(columns=["people"])} or {0}
@@ -221,7 +221,8 @@ def show_study(study: "Study") -> int:
         facts["failed"] = f"{counted(failed, 'more run')}, which are in no statistic"
     change = study.step_change
     if len(study.points) == 1 or change is not None:
-        show_facts(facts)
+        hold_up = hold_up_of(study, 0)
+        show_facts(facts | ({"queues": hold_up} if hold_up else {}))
         show_table(TITLE, ("statistic", "value [s]", "95 % interval", "over"), statistics_table(study, 0))
     else:
         varied = ", ".join(parameter_keys(study))

@@ -12,6 +12,7 @@ from evac.base.errors import ScenarioError, fault, naming, plugin_code
 from evac.building.model.building import Building
 from evac.building.model.cells import MOST_CELLS
 from evac.building.model.elevation import ground_of
+from evac.conditions.law import SMOKE
 from evac.conditions.source import AT_ONCE, HEAD, QUANTITIES, ConditionSource, SourceScene
 from evac.contract.registry import create
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 
 #: Name and unit of the field, which behaviours and trajectories know it by.
-NAME, UNIT = "extinction", "1/m"
+NAME, UNIT = SMOKE, "1/m"
 
 #: Least side of its cells [m], and time between two updates [s].
 SPACING, PERIOD = 1.0, 2.0

@@ -9,6 +9,9 @@ from evac.base.arrays import COPY, FloatArray, as_floats, read_only
 from evac.base.errors import fault, plugin_code
 from evac.base.parameters import Configurable
 
+#: Name of the extinction coefficient, as a quantity and as a recorded field.
+SMOKE = "extinction"
+
 #: Extinction coefficient of smoke so dense that laws have their least speed [1/m].
 DENSE = 1e4
 

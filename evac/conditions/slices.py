@@ -23,7 +23,7 @@ HEADER = np.dtype(
 )
 
 #: A span between two times is a gap if it is this many times the median, of at least so many spans.
-GAP, LEAST_SPANS = 10.0, 10
+GAP, LEAST_SPANS = 10.0, 3
 
 _SLICE = re.compile(r"SLC([FC])\s+(\d+)\b.*?&((?:\s+\d{1,9}){6})(?:\s|$)")
 

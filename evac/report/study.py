@@ -39,7 +39,7 @@ from evac.results.recordedcase import CaseTable, Record
 from evac.results.results import Results
 from evac.results.tables import TABLES
 from evac.study.maps import maps_over_runs
-from evac.study.outputs import egress, parameter_keys, points_table, quality_of, statistics_table
+from evac.study.outputs import egress, hold_up_of, parameter_keys, points_table, quality_of, statistics_table
 from evac.study.statistics import MEDIAN, Estimate, estimate
 from evac.study.study import Study
 
@@ -180,7 +180,7 @@ def _results(study: Study, rows: Sequence[Mapping[str, Any]]) -> dict[str, objec
     if len(study.points) > 1:
         results["Variants"] = f"{len(study.points)}, see below"
     else:
-        estimates = study.statistics[0]
+        estimates, hold_up = study.statistics[0], hold_up_of(study, 0)
         people = sorted({row["people"] for row in rows if row["ended"] != FAILED})
         results |= {
             "People": ", ".join(map(str, people)),
@@ -188,6 +188,7 @@ def _results(study: Study, rows: Sequence[Mapping[str, Any]]) -> dict[str, objec
                 f"Evacuation time, {one.name}{' of complete runs' * (one is estimates.mean)} [s]": _noted(one)
                 for one in (estimates.mean, *estimates.percentiles)
             },
+            "Queues": hold_up or "not recorded (evac repeat --maps)",
         }
     if study.step_change is not None:
         results["Change of the mean with half the time step [s]"] = _noted(study.step_change, "+.2f")

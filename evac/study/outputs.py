@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from evac.analysis.queues import is_little
 from evac.base.arrays import FloatArray
 from evac.base.defaults import LONGEST_NAME
 from evac.base.errors import counted, in_order
@@ -168,6 +169,25 @@ def _compartment(
         "until": least("until") if available is None else None,
         "least_margin": least("least_margin"),
     }
+
+
+def hold_up_of(study: "Study", point: int) -> str:
+    """Return what holds up most over the runs of a point, in words; empty if no motion was recorded."""
+    waited, recorded = dict[str, list[float]](), list[float]()  # of all people [s]: by cause in each run, and in all
+    for row in study.rows(point, ["tables"]):
+        numbers = {(one["table"], one["row"], one["column"]): one["value"] for one in row["tables"]}
+        places = [place for table, place, column in numbers if (table, column) == ("queues", "people")]
+        own = {at: numbers["queues", at, "people"] * numbers["queues", at, "mean wait [s]"] for at in places}
+        for at in (at for at in places if not is_little(own[at], numbers["queues", at, "people"])):
+            waited.setdefault(at, []).append(own[at])
+        if any(table == "congestion" for table, *_ in numbers):
+            share = numbers["queues", places[0], "share of all waiting [%]"] / 100.0 if places else 1.0
+            recorded.append(own[places[0]] / share if places else 0.0)
+    if not recorded or not waited:
+        return "Little waiting in every run" if recorded else ""
+    most = max(waited, key=lambda at: sum(waited[at]))
+    share, runs = sum(waited[most]) / sum(recorded), f"{len(waited[most])} of {counted(len(recorded), 'run')}"
+    return f"What holds up most is {most}: {100.0 * share:.0f} % of all waiting, long in {runs}"
 
 
 def statistics_rows(study: "Study") -> list[dict[str, Any]]:

@@ -61,9 +61,10 @@ def test_other_quantities_are_left_out_and_empty_files_and_gaps_in_time_refused(
         file.write_bytes(content)
         with pytest.raises(evac.ScenarioError, match=f"{file.name}: "):
             read_slices(path, frozenset([CO, EXTINCTION]))
-    path, _ = write_slices(tmp_path / "gap", MESHES[:1], [(CO, 1.5, False, wave)], [*range(10), 21.0])
-    with pytest.raises(evac.ScenarioError, match="between 9 and 21 s"):
-        read_slices(path, frozenset([CO]))
+    for times in ([*range(10), 21.0], [0.0, 1.0, 2.0, 21.0], [0.0, 20.0, 21.0, 22.0]):
+        path, _ = write_slices(tmp_path / f"gap {len(times)}", MESHES[:1], [(CO, 1.5, False, wave)], times)
+        with pytest.raises(evac.ScenarioError, match=r"between \d+ and \d+ s"):
+            read_slices(path, frozenset([CO]))
 
 
 @pytest.mark.parametrize("is_centred", [False, True])

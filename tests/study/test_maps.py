@@ -8,6 +8,7 @@ from evac.analysis.maps import level_maps
 from evac.report.study import study_report
 from evac.results.verdict import least_margins
 from evac.study.maps import LIMITS, SPACING, maps_over_runs
+from evac.study.outputs import hold_up_of
 from tests.conditions.corridor import corridor
 
 
@@ -48,3 +49,21 @@ def test_maps_over_runs_are_those_of_the_runs(tmp_path):
     assert "mean over runs" in text
     assert "Share of the runs with margins below 0 s" in text
     assert evac.repeat(case, 2, workers=1).maps() == {}
+
+
+def test_what_holds_up_most_over_runs_is_told_as_of_runs(tmp_path):
+    plan = {
+        "storeys": [{"name": "f", "polygons": [[[0, 0], [8, 0], [8, 4], [0, 4]]]}],
+        "exits": [{"name": "e", "storey": "f", "segment": [[8, 1], [8, 1.6]]}],
+    }
+    case = corridor(people=[{"name": "p", "level": "f", "number": 50}], building={"plan": plan})
+    case = case.change({"behaviours.walking": {}})
+    study = evac.repeat(case, 2, maps=True, folder=tmp_path / "s", workers=1)
+    queues = [study.run_again(0, k, tmp_path / str(k)).queues for k in range(2)]
+    share = sum(of[0].waited for of in queues) / sum(queue.waited for of in queues for queue in of)
+    assert {of[0].place for of in queues} == {"exit 'e'"}
+    assert hold_up_of(study, 0) == (
+        f"What holds up most is exit 'e': {100.0 * share:.0f} % of all waiting, long in 2 of 2 runs"
+    )
+    assert hold_up_of(study, 0) in study_report(study.folder).replace("&#39;", "'")
+    assert not hold_up_of(evac.repeat(case.change({"people.p.number": 1}), 1, workers=1), 0)
