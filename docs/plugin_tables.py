@@ -5,6 +5,7 @@ import re
 from typing import Any
 
 from evac.base.toml import toml_value
+from evac.contract import hooks as declared_hooks
 from evac.contract.registry import Registry
 
 #: Sections of docstrings that are for programmers only.
@@ -25,6 +26,16 @@ def plugins(kind: str) -> str:
     """Return the descriptions of all registered plugins of a kind in Markdown."""
     registered = sorted(getattr(Registry(), kind).items())
     return "\n\n".join(f"### {name}\n\n{_description(one)}\n\n{_parameters(one)}" for name, one in registered)
+
+
+def hooks() -> str:
+    """Return the hooks with their signatures and docstrings as a list in Markdown."""
+    rows = []
+    for name, hook in vars(declared_hooks).items():
+        if name.startswith("evac_"):
+            signature = re.sub(r"'|collections\.abc\.|pathlib\.|typing\.", "", str(inspect.signature(hook)))
+            rows.append(f"- `{name}{signature}`: {inspect.getdoc(hook)}")
+    return "\n".join(rows)
 
 
 def _description(plugin: type[Any]) -> str:

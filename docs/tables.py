@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from case_reference import reference
-from plugin_tables import plugins
+from plugin_tables import hooks, plugins
 from summary_keys import keys
 
 from evac.cli.main import COMMANDS, parser
@@ -22,9 +22,9 @@ def filled(text: str) -> str:
 
 
 def table(name: str) -> str:
-    """Return a table in Markdown: keys of a case or a summary, commands, options of one, or plugins of a kind."""
-    if name == "case":
-        return reference()
+    """Return a table in Markdown: keys of a case or a summary, commands, options, hooks, or plugins of a kind."""
+    if name in ("case", "hooks"):
+        return reference() if name == "case" else hooks()
     if name == "commands" or name in COMMANDS:
         return options(name)
     return keys() if name == "summary" else plugins(name)

@@ -36,12 +36,13 @@ class Crowd(Struct):
     position, velocity : (n, 2) [m], [m/s], in plan. Written by the contact model only. The velocity is that of the
         contact model; the velocity of the actual motion is `Simulation.displacement_velocity`.
     level : (n,) int32, -1 once out. Written by the contact model only.
-    radius, height, mass, tau : (n,) [m], [m], [kg], [s]
+    radius, height, mass, tau : (n,) [m], [m], [kg], [s]; tau is the relaxation time
     contact_radius : (n,) radius of the body that touches others and fits through gaps, at most ``radius`` [m]; see
         `Behaviour.contact_radius`
     speed : (n, 3) desired speeds on the flat, up and down stairs, along the slope [m/s]
     group : (n,) int32
-    start_time : (n,) time at which a person starts to walk [s]; written by behaviours
+    start_time : (n,) time at which a person starts to walk [s]; of people who have not come, from their arrival on.
+        Written by behaviours
     route : (n,) int32, row of ``Fields.routes``; written by behaviours
     speed_factor : (n,), set to 1 before each tick's behaviours, which multiply it
     extra_direction : (n, 2), set to 0 before each tick's behaviours, which add to it; the unit
@@ -60,7 +61,7 @@ class Crowd(Struct):
         none. Written by the scene, and by the contact model for people who pass a link of one direction
     ahead : (n, 2) unit desired direction of people whom a link lets through, instead of that of their route, until they
         have left its line; zero for others. Written by the scene
-    firmness : (n,) factor of the mass with which a person resists contacts and forces: 1, and much more for people whom
+    firmness : (n,) factor of the mass with which a person resists contacts and forces: 1, and a million for people whom
         gases or heat have stopped. Written by the exposure
     """
 

@@ -15,7 +15,8 @@ from evac.simulation.simulation import Simulation
 from tests.docs.conftest import MARK, filled, table
 
 #: Described names that are not at the top of the package: what users get from public functions.
-PARTS = {"Scene", "LevelField", "Level", "Portal", "Exit", "Door", "Area", "Place", "Population", "Crowd", "Page"}
+PARTS = {"Scene", "LevelField", "Level", "Portal", "Exit", "Door", "Area", "Place", "Page"}
+PARTS |= {"Population", "Crowd", "Outside"}
 
 
 def fenced(text, kind):
@@ -42,7 +43,7 @@ def test_every_key_and_plugin_is_described_on_a_page_once(root):
     registry = Registry()
     kinds = {f"{item['kind']}s" for entry in registry.describe() for item in entry["provides"]} - {"cases", "exporters"}
     assert sorted(name for page in pages for name in MARK.findall(page)) == sorted(
-        {"case", "summary", "commands", "map", "report", *kinds}
+        {"case", "summary", "commands", "hooks", "map", "report", *kinds}
     )
     for kind in kinds:
         for name, plugin in getattr(registry, kind).items():
