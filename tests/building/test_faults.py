@@ -81,7 +81,7 @@ FAULTS = {
     ("doors", "segment", dict): ((of_no_room, too_wide), (on_no_storey, misspelt, negative)),
     ("exits", "segment", dict): ((of_no_room, too_wide, inside, astray), (on_no_storey, misspelt)),
     ("areas", "polygon", dict): ((off_the_floor,), (on_no_storey,)),
-    ("shafts", "turn", str): ((turned, steep), (up_to_nowhere,)),
+    ("shafts", "turn", str): ((turned,), (steep, up_to_nowhere)),
 }
 
 
@@ -187,6 +187,12 @@ def test_a_steep_shaft_beside_a_misspelt_key_is_told_with_its_key_and_a_length()
     assert told == [("areas.start", "low", "polygon"), ("shafts.shaft", "low", "length")]
     table["storeys"][0]["wal"] = 0.1  # no error follows of the storey that is like it
     assert [one.item for one in errors_of(table)] == ["storeys.low", "areas.start", "shafts.shaft"]
+    table["storeys"][1]["like"] = "lwo"  # whose remedy lets the other errors be found
+    told = [(one.item, one.remedy) for one in errors_of(table)[2:]]
+    assert told == [("storeys.high", 'like = "low"'), ("shafts.shaft", "length = 1.6")]
+    table["shafts"][0] |= {"turn": "right", "upper": "hgh"}
+    told = [one.remedy for one in errors_of(table) if one.item == "shafts.shaft"]
+    assert sorted(told) == ["length = 1.6", 'turn = "left"', 'upper = "high"']
 
 
 def test_the_remedy_of_doors_without_a_wall_is_the_wall_of_their_storey():

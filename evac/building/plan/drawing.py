@@ -43,7 +43,7 @@ from evac.building.plan.outlines import (
     written,
 )
 from evac.building.plan.plan import Item, LiftItem, Stair
-from evac.building.plan.rooms import check_storey, expanded, key_of, originals
+from evac.building.plan.rooms import check_storey, expanded, key_of, originals, with_originals
 from evac.building.surface.surfacemesh import Height, SurfaceMesh
 
 if TYPE_CHECKING:
@@ -77,8 +77,8 @@ class Drawing:
 
     def __init__(self, plan: "Plan") -> None:
         self.errors: list[Finding] = []
-        self.declared, self.plan = {*plan.storeys, *plan.refused}, expanded(plan, self.errors)
-        self._given = plan
+        self.given = with_originals(plan, self.errors)
+        self.declared, self.plan = {*plan.storeys, *plan.refused}, expanded(self.given, self.errors)
         self.findings = [finding for finding in plan.findings if finding.kind != "error"]
         self.floors: dict[str, BaseGeometry] = {}
         self.rooms: dict[str, BaseGeometry] = {}  # the floors before anything is cut out of them
@@ -222,7 +222,7 @@ class Drawing:
         beside = [room for room in self.plan.storeys[name].polygons if covered(along(room, ends, SNAP), ends) > length]
         if self.plan.storeys[name].wall or len(beside) < 2:
             return False
-        name = [name, *originals(self._given, name)][-1]
+        name = [name, *originals(self.given, name)][-1]
         text = f"storey {door.storey!r}: the rooms beside door {door.name!r} touch, and there is no wall between them"
         self.errors.append(Finding("error", text, door.storey, place_of(ends), f"storeys.{name}", "wall = 0.1"))
         return True

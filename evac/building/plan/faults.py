@@ -17,7 +17,7 @@ from evac.base.errors import BuildingError
 from evac.base.toml import toml_lines
 from evac.building.geometry import between_floors, rounded, segment_lengths, sides
 from evac.building.model.building import Building
-from evac.building.model.findings import Finding, refusal
+from evac.building.model.findings import OWN, Finding, refusal
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.drawing import Drawing
 from evac.building.plan.plan import Item, Plan
@@ -60,7 +60,8 @@ class _Drawn:
     """A plan that has been drawn without errors; else all are raised with the building of what is right in it."""
 
     def __init__(self, plan: Plan, source: Path, options: SurfaceOptions) -> None:
-        self.plan, self.source, self.drawing = plan, source, Drawing(plan)
+        self.source, self.drawing = source, Drawing(plan)
+        self.plan = self.drawing.given
         # A trial may not have the storeys of exits and others in the options.
         self.options = BuildingOptions(**options.model_dump(include=set(SurfaceOptions.model_fields)))
         mesh = self.drawing.mesh()
@@ -96,27 +97,29 @@ class _Drawn:
         given = [item for item in getattr(self.plan, section) if item.name == name] if section in MENDED else []
         if error.remedy or not given:  # such as of a stair of flights and landings
             return [error]
-        return self._chain(error, section, _row(section, given), doors)
+        return self._chain(error, section, _row(section, given), doors, {_kind_of(error)})
 
-    def _chain(self, error: Finding, section: str, row: dict[str, Any], doors: list[Item]) -> list[Finding]:
-        """Return an error and those that follow it, each with a change that removes it.
+    def _chain(
+        self, error: Finding, section: str, row: dict[str, Any], doors: list[Item], known: set[str]
+    ) -> list[Finding]:
+        """Return an error and those of its item that follow it, each with a change that removes it.
 
-        Other errors of an item are found after those of the names in it.
+        A change that leads to an error of a kind that is known is no way.
         """
-        names, later = _names(self.plan, self.drawing, row), list[tuple[dict[str, Any], Finding]]()
-        for change in [*names, *_changes(self.plan, self.drawing, section, row, error.text)]:
-            again = self._tried(section, {**row, **change}, doors)
+        later = list[tuple[Finding, dict[str, Any], Finding]]()
+        for change in _changes(self.plan, self.drawing, section, row, error.text):
+            changed, told = {**row, **change}, replace(error, remedy="\n".join(toml_lines(change)))
+            again = self._tried(section, changed, doors)
             if again is None:
-                return [replace(error, remedy="\n".join(toml_lines(change)))]
-            if change in names and again.kind == "error" and again.text != error.text:
-                later.append((change, again))
-        further: list[Finding] = []
-        for change, again in later:
-            further = self._chain(again, section, {**row, **change}, doors)
-            if further[-1].remedy != "remove it":
-                break
-        if further:
-            return [replace(error, remedy="\n".join(toml_lines(change))), *further]
+                return [told]
+            if again.kind == "error" and again.item == error.item:
+                later.append((told, changed, again))
+        for told, changed, again in later:
+            if _kind_of(again) not in known:
+                known.add(_kind_of(again))
+                further = self._chain(again, section, changed, doors, known)
+                if further[-1].remedy != "remove it":
+                    return [told, *further]
         return [replace(error, remedy="remove it" if error.kind == "error" else "")]
 
     def _tried(self, section: str, row: Mapping[str, Any], doors: list[Item]) -> Finding | None:
@@ -200,25 +203,22 @@ def _of_items(plan: Plan, findings: Iterable[Finding]) -> list[Finding]:
     ]
 
 
-def _names(plan: Plan, drawing: Drawing, row: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return changes of an item to storeys and rooms that exist, with names like those that do not."""
-    found: list[dict[str, Any]] = []
+def _kind_of(error: Finding) -> str:
+    """Return the text of an error without names, numbers and places."""
+    return OWN.sub("", error.text)
+
+
+def _changes(plan: Plan, drawing: Drawing, section: str, row: Mapping[str, Any], text: str) -> Iterable[dict[str, Any]]:
+    """Yield changes of an item that may remove its error, the most likely first."""
     for key in ("storey", "lower", "upper"):
         if key in row and row[key] not in plan.storeys:
-            found += [{key: close} for close in difflib.get_close_matches(row[key], plan.storeys, 2, 0.5)]
+            yield from ({key: close} for close in difflib.get_close_matches(row[key], plan.storeys, 2, 0.5))
     segment = row.get("segment")
     if isinstance(segment, Mapping):
         own = [room.name for room in drawing.plan.rooms if room.storey == row["storey"]]
         closest = [(difflib.get_close_matches(name, own, 1, 0.5) or [name])[0] for name in segment["rooms"]]
         if closest != [*segment["rooms"]]:
-            found.append({"segment": {**segment, "rooms": closest}})
-    return found
-
-
-def _changes(plan: Plan, drawing: Drawing, section: str, row: Mapping[str, Any], text: str) -> Iterable[dict[str, Any]]:
-    """Yield changes of an item that may remove its error, the most likely first."""
-    segment = row.get("segment")
-    if isinstance(segment, Mapping):
+            yield {"segment": {**segment, "rooms": closest}}
         yield {"segment": {key: value for key, value in segment.items() if key != "at"}}
         in_the_middle = {key: value for key, value in segment.items() if key not in ("at", "width")}
         yield from ({"segment": one} for one in (in_the_middle, {**in_the_middle, "width": USUAL_WIDTH}))

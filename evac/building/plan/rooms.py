@@ -28,19 +28,9 @@ def expanded(plan: Plan, errors: list[Finding]) -> Plan:
     """Return the plan with all ground in polygons of storeys, and stairs from storey to storey; notes errors."""
     flat, order = copy.copy(plan), dict[str, list[str]]()
     for name in plan.storeys:
-        with noting(errors, f"storey {name!r}", f"storeys.{name}", name):
-            chain = originals(plan, name)
-            like = plan.storeys[[name, *chain][-1]].like
-            if like in plan.storeys:
-                raise ValueError("like: it is like itself; name another storey")
-            if like is None:
-                order[name] = chain
-            elif like not in plan.refused:
-                known = [one for one in plan.storeys if one != name]
-                close = difflib.get_close_matches(like, known, 1, 0.5)
-                remedy = f"like = {toml_value(close[0])}" if close else "remove it"
-                text = f"storey {name!r}: like: no storey is named {like!r}; {did_you_mean(like, known)}"
-                errors.append(Finding("error", text, name, None, f"storeys.{name}", remedy))
+        chain = originals(plan, name)
+        if plan.storeys[[name, *chain][-1]].like is None:
+            order[name] = chain
     declared = {*plan.storeys, *plan.refused}
     for room in plan.rooms:
         with noting(errors, f"room {room.name!r}", f"rooms.{room.name}", None, room.outline):
@@ -78,6 +68,26 @@ def expanded(plan: Plan, errors: list[Finding]) -> Plan:
         with noting(errors, f"shaft {shaft.name!r}", f"shafts.{shaft.name}", None, shaft.lower_edge):
             flat.stairs += _stairs(plan, shaft)
     return flat
+
+
+def with_originals(plan: Plan, errors: list[Finding]) -> Plan:
+    """Return the plan with the closest storeys for those that are like one that it does not have; notes errors."""
+    known = copy.copy(plan)
+    known.storeys = dict(plan.storeys)
+    for name, storey in plan.storeys.items():
+        like = storey.like
+        others = [one for one in plan.storeys if name not in (one, *originals(known, one))]
+        if like is None or like in others or like in plan.refused:
+            continue
+        if like in plan.storeys:
+            text, close = "it is like itself; name another storey", list[str]()
+        else:
+            text = f"no storey is named {like!r}; {did_you_mean(like, others)}"
+            close = difflib.get_close_matches(like, others, 1, 0.5)
+        remedy = f"like = {toml_value(close[0])}" if close else "remove it"
+        errors.append(Finding("error", f"storey {name!r}: like: {text}", name, None, f"storeys.{name}", remedy))
+        known.storeys[name] = replace(storey, like=close[0] if close else like)
+    return known
 
 
 def key_of(section: str, item: Item | Room | Stair) -> str:
