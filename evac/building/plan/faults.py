@@ -104,23 +104,25 @@ class _Drawn:
     ) -> list[Finding]:
         """Return an error and those of its item that follow it, each with a change that removes it.
 
-        A change that leads to an error of a kind that is known is no way.
+        A change that leads to an error of a kind that is known is no way. Other errors of an item are found after those
+        of the names in it, also if nothing mends them.
         """
-        later = list[tuple[Finding, dict[str, Any], Finding]]()
-        for change in _changes(self.plan, self.drawing, section, row, error.text):
-            changed, told = {**row, **change}, replace(error, remedy="\n".join(toml_lines(change)))
-            again = self._tried(section, changed, doors)
+        names, later = _names(self.plan, self.drawing, row), list[tuple[dict[str, Any], Finding]]()
+        for change in [*names, *_changes(self.plan, self.drawing, section, row, error.text)]:
+            again = self._tried(section, {**row, **change}, doors)
             if again is None:
-                return [told]
-            if again.kind == "error" and again.item == error.item:
-                later.append((told, changed, again))
-        for told, changed, again in later:
-            if _kind_of(again) not in known:
-                known.add(_kind_of(again))
-                further = self._chain(again, section, changed, doors, known)
-                if further[-1].remedy != "remove it":
-                    return [told, *further]
-        return [replace(error, remedy="remove it" if error.kind == "error" else "")]
+                return [replace(error, remedy="\n".join(toml_lines(change)))]
+            if again.kind == "error" and again.item == error.item and _kind_of(again) not in known:
+                later.append((change, again))
+        found: list[Finding] = []
+        for change, again in later:
+            further = self._chain(again, section, {**row, **change}, doors, known | {_kind_of(again)})
+            is_mended = further[-1].remedy != "remove it"
+            if is_mended or (change in names and not found):
+                found = [replace(error, remedy="\n".join(toml_lines(change))), *further]
+            if is_mended:
+                break
+        return found or [replace(error, remedy="remove it" if error.kind == "error" else "")]
 
     def _tried(self, section: str, row: Mapping[str, Any], doors: list[Item]) -> Finding | None:
         """Return the error or warning of an item that is added to the rest of the plan with some doors.
@@ -208,17 +210,25 @@ def _kind_of(error: Finding) -> str:
     return OWN.sub("", error.text)
 
 
-def _changes(plan: Plan, drawing: Drawing, section: str, row: Mapping[str, Any], text: str) -> Iterable[dict[str, Any]]:
-    """Yield changes of an item that may remove its error, the most likely first."""
+def _names(plan: Plan, drawing: Drawing, row: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return changes of an item to storeys and rooms that exist, with names like those that do not."""
+    found: list[dict[str, Any]] = []
     for key in ("storey", "lower", "upper"):
         if key in row and row[key] not in plan.storeys:
-            yield from ({key: close} for close in difflib.get_close_matches(row[key], plan.storeys, 2, 0.5))
+            found += [{key: close} for close in difflib.get_close_matches(row[key], plan.storeys, 2, 0.5)]
     segment = row.get("segment")
     if isinstance(segment, Mapping):
         own = [room.name for room in drawing.plan.rooms if room.storey == row["storey"]]
         closest = [(difflib.get_close_matches(name, own, 1, 0.5) or [name])[0] for name in segment["rooms"]]
         if closest != [*segment["rooms"]]:
-            yield {"segment": {**segment, "rooms": closest}}
+            found.append({"segment": {**segment, "rooms": closest}})
+    return found
+
+
+def _changes(plan: Plan, drawing: Drawing, section: str, row: Mapping[str, Any], text: str) -> Iterable[dict[str, Any]]:
+    """Yield changes of an item that may remove its error, the most likely first."""
+    segment = row.get("segment")
+    if isinstance(segment, Mapping):
         yield {"segment": {key: value for key, value in segment.items() if key != "at"}}
         in_the_middle = {key: value for key, value in segment.items() if key not in ("at", "width")}
         yield from ({"segment": one} for one in (in_the_middle, {**in_the_middle, "width": USUAL_WIDTH}))
