@@ -37,6 +37,12 @@ def case_of(*events, places=("yard",), rooms=(None,), number=8, shown=False, **g
     )
 
 
+def test_an_event_sends_people_to_exits_or_to_assembly_areas():
+    case_of({"time": 1.0, "value": ["at yard"]}, {"time": 2.0, "value": ["out"]})
+    with pytest.raises(ScenarioError, match=r"event\.1\.value.*not both"):
+        case_of({"time": 1.0, "value": ["out"]}, {"time": 2.0, "value": ["out", "at yard"]})
+
+
 def test_people_go_to_their_assembly_area_and_count_as_there(tmp_path):
     results = evac.run(case_of(), tmp_path / "run")
     assert (results.ended, results.exit_status, results.evacuated) == ("everybody out or at a safe place", 0, 0)

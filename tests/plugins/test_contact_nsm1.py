@@ -77,6 +77,17 @@ def test_very_different_sizes_and_masses_do_not_overlap(variant):
         assert engine.report()["repeated_searches"] > 0
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_contacts_are_searched_again_along_the_way_on_which_a_body_is_thrown(axis):
+    place = np.array([(0.0, 0.0), (1.02, 0.0), (1.14, 0.0)])[:, [axis, 1 - axis]]
+    crowd = make_crowd(place, radius=[1.0, 0.01, 0.01], mass=[500.0, 1.0, 1.0], tau=0.2)
+    crowd.velocity[0, axis] = crowd.speed[0] = 3.0
+    engine = make_engine(crowd)
+    engine.advance(Nsm1(), crowd, 0, 1, 0.05, False, False)
+    assert engine.report()["repeated_searches"] > 0
+    assert deepest(crowd) <= 1e-4
+
+
 def test_an_overlap_at_the_start_goes_without_touching_velocities():
     crowd = make_crowd(
         [(0, 0), (0.3, 0.1), (5, 5)], [(0.5, 0), (0.5, 0), (0, 0)], radius=0.2, mass=[60, 90, 80], tau=FREE
