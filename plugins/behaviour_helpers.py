@@ -12,7 +12,7 @@ from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter, did_you_mean
 from evac.base.saved import Bounds
 from evac.building.model.building import DOWN, FLAT, UP
-from evac.directions.routes import Route
+from evac.directions.routes import PREFERRED, WEIGHED, Route
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.places import have_stopped
 from evac.physics.state import Crowd
@@ -70,7 +70,8 @@ class Helpers(Behaviour):
     People of a group with the key `device` do not leave alone. They wait in one of the `areas` in which they start, or
     go to a refuge among these `areas` if the case has one for them. As soon as somebody waits, the nearest free
     helpers, as many as the device needs (`handlers`), go to that person. After the time `preparation` they go together
-    at the speeds of the device; the person waits for a helper who is more than 3 m away. They leave by one of `exits`,
+    at the speeds of the device, and by lifts if the key `lifts` says so; the person waits for a helper who is more than
+    3 m away, as one whom the car had no room for. They leave by one of `exits`,
     or go to the assembly area in `to`. Helpers who are still needed turn back there, 2 s before an exit, and fetch the
     next person; the others leave by the exits of their group. People whom the device cannot bring all the way are not
     fetched. The notes of the results say who was fetched when, and by whom.
@@ -103,11 +104,15 @@ class Helpers(Behaviour):
     areas: Any = Parameter((), "areas in which people wait for helpers")
     exits: Any = Parameter((), "exits to which people are brought; empty: any")
     to = Parameter("", "area of a place of kind assembly to which people are brought, instead of exits")
+    lifts: Any = Parameter("", "whether people are brought by lifts, as `lifts` of groups: weighed or preferred")
     preparation = Parameter(30.0, "time from the arrival of the helpers until they go", unit="s", minimum=0.0)
     devices: Any = Parameter({}, "further devices, with the keys flat, up, down and handlers")
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
+        if self.lifts not in ("", WEIGHED, PREFERRED):
+            hint = did_you_mean(str(self.lifts), [WEIGHED, PREFERRED])
+            raise ScenarioError(f"behaviours.helpers.lifts: there is no {self.lifts!r}; {hint}")
         self._devices: dict[str, Device] = DEVICES | {name: _device(name, one) for name, one in self.devices.items()}
 
     def routes(self) -> tuple[Route, ...]:
@@ -116,7 +121,7 @@ class Helpers(Behaviour):
 
     def _way(self, steepest: float | None) -> Route:
         """Return the route on which people are brought."""
-        return Route(() if self.to else self.exits, steepest=steepest, area=self.to)
+        return Route(() if self.to else self.exits, steepest=steepest, area=self.to, lifts=self.lifts)
 
     def prepare(self, scene: BehaviourScene) -> None:
         """Find the people, their devices and their helpers."""
@@ -275,6 +280,8 @@ class Helpers(Behaviour):
         """Return whether the device of a person can go all the way: up, down, and not steeper than it may."""
         person, device = self._people[k : k + 1], self._device[k]
         place = crowd.level[person], crowd.position[person], self._way_of(k), crowd.contact_radius[person]
+        if self.lifts and math.isinf(self._scene.fields.lengths_at(*place)[0, 0]):  # by lift, which has no length
+            return math.isfinite(self._scene.fields.travel_time_at(*place)[0])
         _, up, down = self._scene.fields.lengths_at(*place)[0].tolist()
         return math.isfinite(up) and (device.up > 0.0 or up < FLIGHT) and (device.down > 0.0 or down < FLIGHT)
 

@@ -174,6 +174,37 @@ def test_quickest_takes_the_lift_as_long_as_its_queue_is_shorter_than_the_stairs
     assert times["quickest"] <= 1.05 * min(times.values())
 
 
+@pytest.mark.parametrize("capacity", [1, 8])
+def test_helpers_bring_people_by_lift_also_if_the_car_parts_them(capacity):
+    plan = tower((0.0, 4.0), stair=True, capacity=capacity)
+    plan.area("ward", "s1", box(5, 1, 8, 5))
+    patients = {
+        **{"name": "patients", "level": "s1", "positions": [[6.0, 3.0]], "radius": 0.4, "turns": False},
+        **{"steepest": 0.0, "behaviours": {"helpers": {"device": "push"}}},
+    }
+    staff = group(1, "s1", name="staff", lifts="", behaviours={"helpers": {"fetches": "patients"}})
+    helpers = {"areas": ["ward"], "preparation": 3.0, "lifts": "weighed"}
+    scene = case(plan, [patients, staff], "nsm1", behaviours={"walking": {}, "helpers": helpers})
+    simulation = watched(Simulation(scene))
+    assert simulation.ended == "everybody out"
+    assert sorted(simulation.lifts.rides[:, 0].tolist()) == [0.0, 1.0]
+    assert len(simulation.lifts.trips) == 2 // min(capacity, 2)
+
+
+def test_firefighters_go_up_the_stairs_while_others_go_down_by_stairs_and_lift():
+    plan = tower((0.0, 4.0, 8.0), stair=True)
+    plan.area("post", "s2", box(1, 4, 3, 6))
+    place = [{"name": "command", "kind": "assembly", "area": "post"}]
+    fire = group(4, "s0", name="firefighters", lifts="", assembly=["command"])
+    down = [group(15, "s1", lifts=""), group(15, "s2")]
+    simulation = watched(Simulation(case(plan, [fire, *down], "nsm1", place=place)))
+    assert simulation.ended == "everybody out or at a safe place"
+    crowd, (command,) = simulation.population.crowd, simulation.results().places
+    assert len(command.people) == 4
+    assert np.isfinite(crowd.exit_time).sum() == 30
+    assert len(simulation.lifts.rides) == 15
+
+
 def test_smoke_in_a_lobby_recalls_a_lift():
     plan = tower((0.0, 4.0), stair=True)
     plan.area("lobby", "s1", box(8, 1, 9.9, 5))
