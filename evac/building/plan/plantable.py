@@ -140,7 +140,7 @@ def _known(section: str) -> dict[str, inspect.Parameter]:
 def _changed(section: str, row: Mapping[str, Any]) -> Iterator[tuple[Mapping[str, Any], str]]:
     """Yield a row with one key renamed or removed, and the remedy that this is."""
     known = _known(section)
-    for wrong in row.keys() - known.keys():
+    for wrong in (key for key in row if key not in known):
         for close in difflib.get_close_matches(wrong, known.keys() - row.keys(), 1, 0.5):
             renamed = {close if key == wrong else key: value for key, value in row.items()}
             yield renamed, f"{close} = {toml_value(row[wrong])}\nremove {wrong}"
