@@ -122,7 +122,7 @@ def _check(level: Level, spacing: float, kernel_radius: float) -> None:
     most = MOST_KERNEL * spacing
     if not 0.0 < kernel_radius <= most:
         what = f"must be greater than 0 and at most {most:g} m with cells of {spacing:g} m"
-        raise ResultError(f"kernel_radius: {what}, got {kernel_radius:g} m (--kernel)")
+        raise ResultError(f"kernel_radius: {what}, got {kernel_radius:g} m")
 
 
 #: Distance of grid points [m].

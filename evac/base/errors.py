@@ -7,6 +7,7 @@ import re
 import shlex
 import stat
 import sys
+import threading
 import traceback
 import unicodedata
 import warnings
@@ -244,10 +245,11 @@ def plugin_code(what: str, plugin: Any, read_only: str = "") -> Iterator[None]:
     """Run code of a plugin; an exception that is not an EvacError becomes a PluginError with plugin, file and line.
 
     This includes SystemExit, since no plugin may end the process. A KeyboardInterrupt comes from the user and is passed
-    on. Standard output and standard error are restored if the plugin has replaced them, which is an error too.
+    on. Standard output and standard error are restored if the plugin has replaced them, which is an error too; in
+    other threads than the main one this is not checked, since the main one may replace them meanwhile.
     `read_only` is the remedy if the plugin has written to a read-only array.
     """
-    streams = sys.stdout, sys.stderr
+    streams, is_main = (sys.stdout, sys.stderr), threading.current_thread() is threading.main_thread()
     try:
         yield
     except (EvacError, KeyboardInterrupt, GeneratorExit):
@@ -265,12 +267,13 @@ def plugin_code(what: str, plugin: Any, read_only: str = "") -> Iterator[None]:
         place = _place_of_error(error, own[0])
         raise fault(what, text, remedy, own if _is_own(place[0]) else place) from error
     else:
-        if sys.stdout is not streams[0] or sys.stderr is not streams[1]:
+        if is_main and (sys.stdout is not streams[0] or sys.stderr is not streams[1]):
             own = (str(plugin), 1) if isinstance(plugin, Path) else plugin
             remedy = "restore it, as contextlib.redirect_stdout does"
             raise fault(what, "replaces sys.stdout or sys.stderr", remedy, own)
     finally:
-        sys.stdout, sys.stderr = streams
+        if is_main:
+            sys.stdout, sys.stderr = streams
 
 
 @contextmanager

@@ -228,7 +228,7 @@ class Case(Table):
 
         Files that it names are found from the folder of `path`, as from the folder of the case.
         """
-        Path(path).write_text(case_text(self.table), encoding="utf-8")
+        Path(path).write_text(case_text(_given(self.table)), encoding="utf-8")
 
     def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
         """Return the case itself, which cannot be changed."""
@@ -240,6 +240,13 @@ class Case(Table):
 
         origin = self._origin
         return case_from, (copy.deepcopy(dict(origin.table)), origin.source, (), origin.loaded_files)
+
+
+def _given(value: Any) -> Any:
+    """Return a value without the keys that are None: not given, which a file expresses by not having them."""
+    if isinstance(value, Mapping):
+        return {name: _given(one) for name, one in value.items() if one is not None}
+    return [_given(one) for one in value] if isinstance(value, list | tuple) else value
 
 
 def _filled(cls: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:

@@ -215,7 +215,7 @@ def check_replaceable(path: Path) -> None:
         return
     line = json.dumps({"file": path.relative_to(folder).as_posix()}).removesuffix("}")
     if line not in _text(folder):  # not parsed, because animations have thousands of frames
-        raise ResultError(f"{path}: exists, but evac has not written it; move it away, or give another file (--out)")
+        raise ResultError(f"{path}: exists, but evac has not written it; move it away, or give another file")
 
 
 def _folder_of(path: Path) -> Path | None:

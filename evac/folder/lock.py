@@ -34,7 +34,7 @@ def locked(path: Path, what: str) -> Iterator[None]:
             lock.acquire()
         except Timeout:
             holder = _holder(path) or "another process"
-            message = f"{what}: is being written by {holder}; wait until it has ended, or choose another folder (--out)"
+            message = f"{what}: is being written by {holder}; wait until it has ended, or choose another folder"
             raise ResultError(message) from None
         except OSError as error:
             if error.errno not in NO_LOCKS:

@@ -141,8 +141,8 @@ class ResultFolder:
         """Remove the files of an earlier run in ``RESULT.running``, but not the runs of a stopped study."""
         if (self.running / RUNS_STREAM_NAME).is_file():
             raise ResultError(
-                f"{self.running}: contains the runs of a stopped study; resume it (--resume), choose another folder "
-                "(--out), or remove this one"
+                f"{self.running}: contains the runs of a stopped study; resume it with --resume or resume=True, choose "
+                "another folder, or remove this one"
             )
         remove_written(self.running)
         (self.running / MANIFEST_NAME).unlink(missing_ok=True)
@@ -150,13 +150,13 @@ class ResultFolder:
     def _check_place(self) -> None:
         """Raise an error for folders that cannot be replaced by renaming."""
         if self.path.parts[:1] == ("~",):
-            raise ResultError(f"{self.path}: ~ stands for the home folder in a shell only; write it in full (--out)")
+            raise ResultError(f"{self.path}: ~ stands for the home folder in a shell only; write it in full")
         if os.path.ismount(self._place):
-            raise ResultError(f"{self.path}: is the root of a file system; choose a folder in it (--out)")
+            raise ResultError(f"{self.path}: is the root of a file system; choose a folder in it")
         if self._place == Path.cwd() or self._place in Path.cwd().parents:
             raise ResultError(
                 f"{self.path}: is or contains the current folder, but results replace their folder; choose a folder in "
-                "it (--out)"
+                "it"
             )
 
 
@@ -199,11 +199,11 @@ def check_folder(folder: Path) -> None:
     if not folder.exists():
         return
     if not folder.is_dir():
-        raise ResultError(f"{folder}: not a folder; choose another one for the results (--out)")
+        raise ResultError(f"{folder}: not a folder; choose another one for the results")
     if not read_manifest(folder).state and not is_empty(folder):
         raise ResultError(
             f"{folder}: contains files, but is not a result folder of evac (it has no {MANIFEST_NAME}); choose a new "
-            "or empty folder for the results (--out)"
+            "or empty folder for the results"
         )
 
 

@@ -157,7 +157,7 @@ def import_building(
             names = ", ".join(map(repr, lost))
             findings.append(Finding("warning", f"{names}: not among the exits in {keeper}, which is kept; add them"))
         if people is None and density is None:
-            text = f"{DENSITY:g} people per square metre in rooms without a number or a known use (--density, --people)"
+            text = f"{DENSITY:g} people per square metre in rooms without a number or a known use (density, people)"
             findings.append(Finding("assumed", text))
         if CASE in changed:
             findings.append(Finding("assumed", f"{CASE} has been changed since it was written, and is kept"))
@@ -213,7 +213,7 @@ def _changed_files(folder: Path) -> dict[str, str]:
     """
     usable_path(folder, ScenarioError)
     if folder.exists() and not folder.is_dir():
-        raise ScenarioError(f"{folder}: not a folder; choose another one for the case (--out)")
+        raise ScenarioError(f"{folder}: not a folder; choose another one for the case")
     if not folder.exists() or not any(folder.iterdir()):
         return {}
     try:
@@ -222,7 +222,7 @@ def _changed_files(folder: Path) -> dict[str, str]:
     except (OSError, EvacError):
         before = {}
     if CASE not in before:
-        raise ScenarioError(f"{folder}: contains files other than an import; choose a new or empty folder (--out)")
+        raise ScenarioError(f"{folder}: contains files other than an import; choose a new or empty folder")
     return {name: digest for name, digest in before.items() if now.get(name, digest) != digest}
 
 
@@ -347,7 +347,7 @@ def _drafted(folder: Path, source: Path) -> Iterator[Path]:
             finally:
                 shutil.rmtree(draft, ignore_errors=True)
     except OSError as error:
-        raise ScenarioError(f"{folder}: cannot be written: {error.strerror}; choose another folder (--out)") from error
+        raise ScenarioError(f"{folder}: cannot be written: {error.strerror}; choose another folder") from error
 
 
 def _publish(draft: Path, folder: Path, names: Collection[str], kept: Collection[str]) -> None:
@@ -399,7 +399,7 @@ def _read(
         plan.storey(path.stem, file=path, z=height)
         plan.take(path.stem, read)
         if z is None:
-            text = f"z = {height:g} m, {STOREY_HEIGHT:g} m from one file to the next (--z)"
+            text = f"z = {height:g} m, {STOREY_HEIGHT:g} m from one file to the next (z)"
             notes.append(Finding("assumed", text, path.stem))
     return plan, notes
 

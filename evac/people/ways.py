@@ -264,7 +264,11 @@ def _unreachable(
     """Describe, for a message, why people have no travel time to an exit."""
     route = fields.routes[crowd.route[rows[0]]]
     exits = " or ".join(route.exits) or "any exit"
-    opened = "remove a name from building.closed" if building.closed else "add a connection to the mesh"
+    opened = (
+        "remove a name from building.closed"
+        if building.closed - building.lift_doors.keys()
+        else "add a connection to the mesh"
+    )
     if route.steepest is not None:
         exits += f" without slopes above {route.steepest:g}"
         opened = f"raise people.{group.name}.steepest"

@@ -43,7 +43,7 @@ class Answer(NamedTuple):
 def answer_of(results: "Results") -> Answer:
     """Return the answer of a run, from its results and, where there is one, its trajectory."""
     queue, keepers = "" if results.trajectory is None else _queues(results), ", ".join(results.keeps_distance)
-    movement = f"People do not keep distances; to change this: --set behaviours.{DEFAULT_MOVEMENT}={{}}"
+    movement = f"People do not keep distances; to change this, set behaviours.{DEFAULT_MOVEMENT}={{}}"
     movement = f"People keep distances ({keepers})" if keepers else movement
     said = results.verdict["text"], _outcome(results), _times(results), _exits(results), queue, movement
     return Answer(*said, results.remarks, _warnings(results))

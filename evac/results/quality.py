@@ -185,7 +185,7 @@ def _sets(behaviours: Sequence[str]) -> str:
 
 
 def _options(settings: Sequence[str]) -> str:
-    return f" (--set {' or '.join(settings)})" if settings else ""
+    return f" (set {' or '.join(settings)})" if settings else ""
 
 
 def _length(metres: float) -> str:

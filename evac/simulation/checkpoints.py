@@ -151,7 +151,7 @@ class Checkpoint:
         if missing := [path for path in given.plugin_files if Path(path) not in (*files, *named)]:
             raise PluginError(
                 f"{self.path}: the run was started with the plugin {', '.join(missing)} in addition to those of its "
-                "case; give it again (--plugin)"
+                "case; give it again with --plugin or plugin_files"
             )
         if set(named) - set(files):
             self._check_place(source, case_file)
@@ -197,7 +197,7 @@ class Checkpoint:
             return
         raise PluginError(
             f"{self.path}: its case {source} names plugin files and is not beside the result folder; if you trust "
-            f"it, name it: --case {source}"
+            f"it, name {source} with --case or case_file"
         )
 
 
@@ -216,7 +216,7 @@ def find_checkpoint(folder: Path) -> Checkpoint:
         raise ResultError(f"{folder}: no such result folder; check the path")
     raise ResultError(
         f"{folder}: no checkpoint: the run has ended, or was killed and did not save checkpoints; "
-        "evac run CASE --checkpoint 60 saves one every 60 s"
+        "--checkpoint 60, or checkpoint=60 of evac.run, saves one every 60 s"
     )
 
 

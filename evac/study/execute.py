@@ -202,7 +202,7 @@ class Execution:
             if self._executor is None:
                 raise OSError(in_one_line(error)) from error
             raise SimulationError(
-                f"the executor accepts no task: {in_one_line(error)}; continue with --resume"
+                f"the executor accepts no task: {in_one_line(error)}; continue with --resume or resume=True"
             ) from error
 
     def _shared(self, order: Order) -> SharedSceneFile | None:
@@ -223,7 +223,7 @@ def _row_of(future: "Future[Row]", task: Task) -> Row:
     if error is not None or future.cancelled():
         why = "its task was given up, as when the scheduler has ended" if error is None else in_one_line(error)
         raise SimulationError(
-            f"the worker did not make {_named(task)}: {why}; see the log of the worker, then continue with --resume"
+            f"the worker did not make {_named(task)}: {why}; see its log, then continue with --resume or resume=True"
         ) from error
     return future.result()
 

@@ -364,10 +364,10 @@ def _step(study: "Study") -> list[str]:
     if change is None or change.low <= 0.0 <= change.high:
         return []
     if not change.has_interval:
-        return ["the runs do not determine the effect of the time step; make more (--runs)"]
+        return ["the runs do not determine the effect of the time step; make more"]
     step, share = study.points[1].parameters[STEP], 100.0 * change.value / study.statistics[0].mean.value
     return [
-        f"the time step changes the mean by more than chance: {share:+.1f} % with half of it; use --set "
+        f"the time step changes the mean by more than chance: {share:+.1f} % with half of it; set "
         f"{STEP}={step:g}, and check that step again"
     ]
 
@@ -412,6 +412,6 @@ def _too_wide(study: "Study") -> list[str]:
                 continue
             lines.append(
                 f"interval of the {estimate.name} too wide{where} after {counted(study.runs_of(point.index), 'run')}: "
-                f"{reached}, required {100 * (rule.until or 0.0):g} %; {estimate.note or 'raise --most'}"
+                f"{reached}, required {100 * (rule.until or 0.0):g} %; {estimate.note or 'raise most'}"
             )
     return lines

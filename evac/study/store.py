@@ -203,9 +203,7 @@ class RowStore:
             except (pa.ArrowException, OSError):
                 return
             if not schema.equals(self.schema):
-                raise ResultError(
-                    f"{self._path}: its columns are not those of this study; choose another folder (--out)"
-                )
+                raise ResultError(f"{self._path}: its columns are not those of this study; choose another folder")
             self._end = len(record)
             while (batch := self._batch_at(file, self._end, size)) is not None:
                 point, run, ended, last_out = (batch.column(name)[0].as_py() for name in INDEXED)
@@ -234,7 +232,9 @@ class RowStore:
             with self._path.open("rb") as file:
                 batch = self._batch_at(file, self.entries[key].offset, os.fstat(file.fileno()).st_size)
             if batch is None:
-                raise ResultError(f"{self._path}: changed since it was opened; resume the study (--resume)")
+                raise ResultError(
+                    f"{self._path}: changed since it was opened; resume the study with --resume or resume=True"
+                )
             yield batch.select(list(names))
 
     def _batch(self, row: Row) -> pa.RecordBatch:
@@ -373,7 +373,7 @@ def check_rows(folder: Path) -> None:
     """Refuse the rows of a complete study that have changed."""
     path, digest = folder / RUNS_STREAM_NAME, read_manifest(folder).files.get(RUNS_STREAM_NAME)
     if digest and digest_of_file(path) != digest:
-        raise ResultError(f"{path}: damaged; the same command with --resume makes the runs that are lost again")
+        raise ResultError(f"{path}: damaged; the same study with --resume or resume=True makes the lost runs again")
 
 
 def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:
@@ -389,7 +389,7 @@ def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:
     more = f"\n  and {len(listed) - 10} more" if len(listed) > 10 else ""
     raise ResultError(
         f"{folder}: contains the runs of another study, which cannot be resumed:\n{shown}{more}\nundo the changes, or "
-        "choose another folder (--out)"
+        "choose another folder"
     )
 
 

@@ -25,7 +25,10 @@ def test_is_for_one_at_a_time_and_leaves_no_file(tmp_path):
     path = tmp_path / "new" / "r.lock"
     with locked(path, "r"):
         for _ in range(2):
-            with pytest.raises(ResultError, match=rf"^r: .*process {os.getpid()} on .*--out"), locked(path, "r"):
+            with (
+                pytest.raises(ResultError, match=rf"^r: .*process {os.getpid()} on .*; wait .*folder"),
+                locked(path, "r"),
+            ):
                 pass
         path.write_bytes(b"")  # as the holder leaves it for a moment
         with pytest.raises(ResultError, match="another process"), locked(path, "r"):

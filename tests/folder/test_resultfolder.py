@@ -142,7 +142,7 @@ def test_what_a_killed_process_was_writing_goes_in_every_folder(tmp_path):
 
 def test_a_folder_of_others_is_refused_and_left_alone(tmp_path):
     write(tmp_path / "r", thesis_txt="precious")
-    with pytest.raises(ResultError, match=r"r: .*--out"), ResultFolder(tmp_path / "r"):
+    with pytest.raises(ResultError, match=r"r: .*folder"), ResultFolder(tmp_path / "r"):
         pass
     assert contents(tmp_path) == {"r/thesis.txt": "precious"}
 

@@ -46,7 +46,7 @@ def test_each_number_has_a_warning_of_its_own_and_how_to_fix_it(change, words):
     (line,) = contact_warnings(ALL_RIGHT | change, RIGID)
     assert re.search(words, line)
     assert re.search("smaller simulation.step|check for", line)
-    assert ("--set contact.model=stiff" in line) == ("greatest_overlap" in change)
+    assert ("set contact.model=stiff" in line) == ("greatest_overlap" in change)
 
 
 @pytest.mark.parametrize("keepers", [None, ["walking", "headway"]])
@@ -55,8 +55,8 @@ def test_large_overlaps_are_told_with_people_period_place_and_remedies(keepers):
     (line,) = contact_warnings(ALL_RIGHT | {"greatest_overlap": 0.155}, RIGID, keepers, seen)
     assert line.startswith("large overlaps: ")
     assert re.search(f"t = 2\\.0 and 8\\.0 s 12 people .*100 mm.*'dem'.*t = 3\\.21 s, {PLACE}: 155 mm", line)
-    assert re.search(r"contact\.dem\.stiffness .* simulation\.step.*--set contact\.model=stiff", line)
-    assert ("--set behaviours.walking={} or behaviours.headway={}" in line) == (keepers is not None)
+    assert re.search(r"contact\.dem\.stiffness .* simulation\.step.*set contact\.model=stiff", line)
+    assert ("set behaviours.walking={} or behaviours.headway={}" in line) == (keepers is not None)
     (line,) = contact_warnings(ALL_RIGHT | {"greatest_overlap": 0.155, "parameters": {}}, RIGID, keepers, seen)
     assert "stiffness" not in line
 
@@ -67,11 +67,11 @@ def test_what_was_noticed_of_people_is_one_line_with_time_and_place(people, who)
     line = chatter_warning(seen, ["cellar", "hall"], ["stiff"])
     assert re.search(f"t = 2\\.0 and 8\\.0 s {who}.*from 4\\.0 to 6\\.0 s, {PLACE}: .*0\\.19 m/s.*0\\.92 m/s", line)
     assert line.startswith("chattering contacts: ")
-    assert "--set contact.model=stiff" in line
+    assert "set contact.model=stiff" in line
     pressed = Observation(people, 2.0, 8.0, 4.0, 6.0, 7, 1, 9.5, 3.0, (3140.0, 7850.0))
     line = crushing_warning(pressed, ["cellar", "hall"], ["gaps", "file"])
     assert re.search(f"t = 2\\.0 and 8\\.0 s {who}.*from 4\\.0 to 6\\.0 s, {PLACE}: 7\\.8 kN/m, 3\\.1 kN", line)
-    assert "--set behaviours.gaps={} or behaviours.file={}" in line
+    assert "set behaviours.gaps={} or behaviours.file={}" in line
     assert "behaviour" not in crushing_warning(pressed, ["cellar", "hall"], None)
 
 
@@ -99,7 +99,7 @@ def test_flows_beyond_measured_ones_have_a_warning_each_and_stairs_one_for_all_t
         [("2.82", "door 'door 2.82'", "2.8")],
         [("1.21", "stair 'west'", "1.16")],
     ]
-    assert all(line.startswith("flow higher than measured: ") and "--set behaviours.gaps={}" in line for line in warned)
+    assert all(line.startswith("flow higher than measured: ") and "set behaviours.gaps={}" in line for line in warned)
     assert "flows.csv" in flow_warnings(building, flows, None)[0]
 
 

@@ -268,6 +268,6 @@ def test_people_who_overlap_on_a_soft_spring_are_told():
     (line,) = (one for one in simulation.results().quality_warnings if one.startswith("large overlaps"))
     period = f"t = {times[0] - tick:.1f} and {times[-1]:.1f} s {len(deep)} people overlapped by more than the"
     assert f"{period} {1000 * limit:.3g} mm" in line
-    assert "--set behaviours.walking={}" in line
+    assert "set behaviours.walking={}" in line
     assert "contact.dem.stiffness" in line
-    assert "--set contact.model=nsm1" in line
+    assert "set contact.model=nsm1" in line
