@@ -9,7 +9,7 @@ const UNITS = { bodies: 0, tints: 1, values: 2, scale: 3 };  // Of textures.
 const BYTES = ["RGBA8", "RGBA", "UNSIGNED_BYTE"];
 const KINDS = ["floor", "flight", "landing"];
 
-const SMOOTH = 2000;  // So many people have smooth edges even where there is no graphics processor.
+const SMOOTH = 1500;  // So many people have smooth edges even where there is no graphics processor.
 
 function drawsInSoftware() {
   const gl = document.createElement("canvas").getContext("webgl2");
