@@ -116,13 +116,14 @@ def banner(run: Results) -> str:
     """Return what makes the results of a run incomplete, empty if nothing does."""
     left = len(run.leaving) - run.evacuated
     inside = f"{left} of {run.number_of_people} people were still inside after {run.time:.1f} s."
-    if run.not_arrived:
-        inside += f" {counted(run.not_arrived, 'person', 'people')} had not entered the building."
+    late = run.not_arrived - run.spare
+    if late:
+        inside += f" {counted(late, 'person', 'people')} had not entered the building."
     if len(run.stopped):
         inside += f" {counted(len(run.stopped), 'person has', 'people have')} been stopped by gases or heat."
     if run.ended in STOPPED:
         return f"This run was stopped before its end ({run.ended}); its results are incomplete. {inside}"
-    return f"Not everybody left the building ({run.ended}): {inside}" if left or run.not_arrived else ""
+    return f"Not everybody left the building ({run.ended}): {inside}" if left or late else ""
 
 
 def quality_of(run: Results) -> list[str]:

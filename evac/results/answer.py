@@ -69,6 +69,8 @@ def _outcome(results: "Results") -> str:
         out += f", {results.at_places} at a safe place"
     if results.staying:
         out += f", {results.staying} who do not leave"
+    if results.spare:
+        out += f", {results.spare} of a reserve who were not added"
     if len(results.stopped):
         out += f", {len(results.stopped)} stopped by gases or heat"
     if results.is_complete:

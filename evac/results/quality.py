@@ -220,7 +220,7 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
         waiting = results.not_started
         wait = f"; {waiting} of them had not started, because their response time was not over" if waiting else ""
         lines.append(f"{_number(left)} still inside: {where}{wait}")
-    if late := results.not_arrived:
+    if late := results.not_arrived - results.spare:
         outside = f"; {results.waiting_outside} of them found no free place" if results.waiting_outside else ""
         lines.append(f"{_number(late)} of {people} had not entered the building at the end{outside}")
     if fallen := len(results.stopped):

@@ -425,7 +425,8 @@ class Results:
     @property
     def is_complete(self) -> bool:
         """Whether everybody who is to leave is out or at a safe place, and nobody is to arrive or has been stopped."""
-        return self.evacuated + self.at_places + self.staying == self.number_of_people and not len(self.stopped)
+        over = self.evacuated + self.at_places + self.staying + self.spare
+        return over == self.number_of_people and not len(self.stopped)
 
     @derived("stopped")
     def number_stopped(self) -> Count:
@@ -441,10 +442,7 @@ class Results:
     def _stays(self) -> NDArray[np.bool_]:
         """Whether each person is inside at the end and does not leave, (n,)."""
         stay = {group["name"] for group in self.settings["people"] if not group.get("leave", True)}
-        rows = [group.rows for group in self.groups if group.name in stay]
-        stays = np.zeros(self.number_of_people, np.bool_)
-        stays[np.concatenate([np.zeros(0, np.int32), *rows])] = True
-        return stays & (self.crowd.level >= 0)
+        return np.isin(self.group_names(), [*stay]) & (self.crowd.level >= 0)
 
     @Derived
     def staying(self) -> Count:
@@ -457,6 +455,12 @@ class Results:
         leaves = ~self._stays & ~np.isnan(self.crowd.arrival_time)
         leaves[[row for place in self.places for row in place.people]] = False
         return np.flatnonzero(leaves).astype(np.int32)
+
+    @property
+    def spare(self) -> int:
+        """Number of people of a reserve (`arrive.reserve`) who were not added."""
+        kept = {group["name"] for group in self.settings["people"] if (group.get("arrive") or {}).get("reserve")}
+        return int((np.isin(self.group_names(), [*kept]) & np.isnan(self.crowd.arrival_time)).sum())
 
     @Derived
     def not_arrived(self) -> Count:

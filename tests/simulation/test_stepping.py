@@ -91,7 +91,8 @@ def test_people_who_are_added_removed_and_sent_are_counted(stepped):
     results, crowd = stepped.results(), stepped.population.crowd
     late = next(group.rows for group in stepped.population.groups if group.name == "late")
     assert results.ended == "everybody out"
-    assert results.not_arrived == 1  # who stayed in the reserve
+    assert (results.not_arrived, results.spare, results.exit_status) == (1, 1, 0)  # who stayed in the reserve
+    assert results.answer.outcome.startswith("Everybody out: ")
     np.testing.assert_allclose(crowd.arrival_time[late[[0, 2, 3]]], [1.0, 1.5, np.nan])
     assert crowd.arrival_time[late[1]] > 1.2  # when the place was free again
     np.testing.assert_array_equal(stepped.start_position[late[:2]], [(9.0, 3.0)] * 2)
