@@ -305,7 +305,7 @@ class Lifts(Saved):
         is_in_doorway = len(self._on_line(k)) > 0
         if inside > self._count[k]:
             self._last[k] = self._scene.time
-        self._count[k] = inside
+        self._count[k] = max(inside, self._count[k])  # who steps back and in again does not hold the doors
         if stop == lift.discharge:
             is_done = inside == 0 and not is_in_doorway
         else:
