@@ -65,8 +65,9 @@ def test_wrong_keys_are_named(change, message):
 def winding():
     """Return a building whose stair turns by 90 degrees between two floors."""
     plan = Plan()
-    plan.storey("low", shapely.box(0, 0, 4, 2))
+    plan.storey("low", [shapely.box(0, 0, 4, 2), shapely.box(0, -3, 4, -0.2)])
     plan.storey("high", shapely.box(6, 4, 8, 8), z=1.5)
+    plan.door("inner", "low", [(1, -0.1), (2, -0.1)])
     angles = np.deg2rad(np.arange(-90, 1, 15))
     edges = [[(4 + r * np.cos(a), 4 + r * np.sin(a)) for r in (2, 4)] for a in angles]
     for k in range(6):
@@ -82,6 +83,7 @@ def test_a_building_is_made_again_from_its_plan():
     assert [(level.name, level.kind) for level in other.levels] == [(level.name, level.kind) for level in one.levels]
     assert [level.polygon.area for level in other.levels] == pytest.approx([level.polygon.area for level in one.levels])
     assert [level.slope for level in other.levels] == pytest.approx([level.slope for level in one.levels])
+    assert [(door.name, door.level, door.width) for door in other.doors] == [("inner", 0, pytest.approx(1.0))]
     assert (other.exits[0].width, other.areas[0].polygon.area) == (pytest.approx(1.0), pytest.approx(4.0))
 
 

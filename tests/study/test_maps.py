@@ -7,7 +7,7 @@ import evac
 from evac.analysis.maps import level_maps
 from evac.report.study import study_report
 from evac.results.verdict import least_margins
-from evac.study.maps import LIMITS, SPACING, maps_over_runs
+from evac.study.maps import LIMITS, MARGIN, SPACING, maps_over_runs
 from evac.study.outputs import hold_up_of
 from tests.conditions.corridor import corridor
 
@@ -43,6 +43,9 @@ def test_maps_over_runs_are_those_of_the_runs(tmp_path):
     assert {place: over.least_margin[place] for place in cells} == pytest.approx(
         {place: np.mean(margins) for place, margins in cells.items()}, rel=1e-5
     )
+    late = {place: 100.0 * sum(margin < 0.0 for margin in margins) / 3 for place, margins in cells.items()}
+    assert {place: over.shares[MARGIN][place] for place in cells} == pytest.approx(late)
+    assert max(late.values()) > 0.0
     assert np.isfinite(over.least_margin).sum() == len(cells)
     assert again.building().levels[0].polygon.equals(runs[0].building.levels[0].polygon)
     text = study_report(study.folder)
