@@ -177,3 +177,18 @@ def test_in_the_drill_no_pupil_leaves_before_its_teacher():
         assert exit_time[pupils].min() > exit_time[teacher[0]]
         assert (start[pupils] == start[teacher[0]]).all()
         assert 3.0 <= start[teacher[0]] <= 59.0
+
+
+def test_cars_of_the_tower_serve_the_storey_of_the_fire_first():
+    results = evac.run(load_case("tower", {"output.trajectory": False, "simulation.duration": 20.0}))
+    rides = [change.values["value"] for change in results.changes if change.values["value"][0] == "leaves"]
+    assert rides == [("leaves", "ground", "sixth"), ("leaves", "ground", "eleventh")]
+
+
+@pytest.mark.slow
+def test_everybody_leaves_the_tower_those_in_wheelchairs_by_lift():
+    results = evac.run(load_case("tower", {"output.trajectory": False}))
+    assert results.ended == "everybody out"
+    assert 150.0 < results.last_out < 300.0
+    assert 2 <= sum(lift["people"] for lift in results.lifts) <= 25
+    assert all(lift["mean_load"] <= 1.0 for lift in results.lifts)
