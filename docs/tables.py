@@ -37,7 +37,8 @@ def options(name: str) -> str:
         rows = {f"evac {one.dest}": one.help for one in commands._choices_actions}
     else:
         declared = commands.choices[name]._actions
-        values = {one: str(one.metavar or ", ".join(one.choices or ())) for one in declared[1:]}
+        values = {one: one.metavar or ", ".join(one.choices or ()) for one in declared[1:]}
+        values |= {one: " ".join(value) for one, value in values.items() if isinstance(value, tuple)}
         rows = {" ".join([*one.option_strings[-1:], value]).strip(): one.help for one, value in values.items()}
     head = "command" if name == "commands" else "option"
     return "\n".join([f"| {head} | meaning |", "|---|---|", *(f"| `{key}` | {text} |" for key, text in rows.items())])
