@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import BoolArray, FloatArray, IntArray
 from evac.base.defaults import LEAST_HEIGHT, LEAST_RADIUS, MOST_HEIGHT, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
 from evac.base.distributions import Distribution, generator_for
-from evac.base.errors import ScenarioError, naming
+from evac.base.errors import ScenarioError, SimulationError, naming
 from evac.base.parameters import did_you_mean
 from evac.base.saved import Bounds, Saved, SavedError, taken
 from evac.building.model.building import DOWN, FLAT, UP, Area, Building
@@ -125,6 +125,21 @@ class Population(Saved):
             self._is_writable = False
             for array in self._computed:
                 array.flags.writeable = False
+
+    def check_written(self, routes: int) -> None:
+        """Check what a program has written between two ticks; SimulationError names the first person."""
+        start_time, speed, route = (getattr(self.crowd, name) for name in HEEDED)
+        wrong = (
+            np.isnan(start_time),
+            ~(np.isfinite(speed) & (speed >= 0.0)).all(axis=1),
+            (route < 0) | (route >= routes),
+        )
+        legal = "a number, inf for never", "finite and not negative", f"from 0 to {routes - 1}, see Simulation(routes)"
+        for name, people, remedy in zip(HEEDED, wrong, legal, strict=True):
+            if people.any():
+                person = int(np.argmax(people))
+                value = getattr(self.crowd, name)[person].tolist()
+                raise SimulationError(f"crowd.{name}: {value} was written for person {person}; it must be {remedy}")
 
     def add(self, building: Building, group: str, time: float, place: tuple[float, float] | None) -> int:
         """Let the next person of a group with a reserve come, see `Scene.add`."""

@@ -317,8 +317,9 @@ class Simulation(Saved):
         Raises
         ------
         SimulationError, PluginError
-            As `run`.
+            As `run`; a program has written what no person can have.
         """
+        self.population.check_written(len(self.fields.routes))
         self.loop.advance()
 
     def let_in(self) -> None:

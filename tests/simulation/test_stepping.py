@@ -1,5 +1,7 @@
 """Runs tick by tick: what a program does between ticks has the bits of a behaviour that does the same."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -124,6 +126,15 @@ def test_a_run_that_was_interfered_with_goes_on_from_its_state_to_the_same_bits(
         do(again.scene, again.time)
         again.advance_tick()
     np.testing.assert_array_equal(again.population.crowd.exit_time, stepped.population.crowd.exit_time)
+
+
+@pytest.mark.parametrize(("name", "value"), [("start_time", math.nan), ("speed", -1.0), ("route", 7), ("route", -1)])
+def test_what_nobody_can_have_is_refused_with_the_array_and_the_person(name, value):
+    simulation = evac.Simulation(case())
+    simulation.advance_tick()
+    getattr(simulation.population.crowd, name)[2] = value
+    with pytest.raises(evac.SimulationError, match=rf"crowd\.{name}: .* person 2;"):
+        simulation.advance_tick()
 
 
 def test_what_is_written_between_ticks_is_heeded_or_refused():
