@@ -68,7 +68,8 @@ class BuildingSource(Table):
     @model_validator(mode="after")
     def _given_one_way(self) -> Self:
         if (self.mesh is None) == (self.plan is None):
-            raise wrong("mesh", "give either the file of the building (mesh) or its plan (plan)")
+            remedy = "to set keys of a plan file in a study, write its tables into the case as [building.plan]"
+            raise wrong("mesh", f"give either the file of the building (mesh) or its plan (plan); {remedy}")
         return self
 
 

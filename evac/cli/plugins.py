@@ -99,12 +99,13 @@ def _check(file: str, others: list[str], case_name: str | None = None) -> int:
             note(f"evac: {error}")
             status = BAD_INPUT
         else:
-            say(f"{title}: all checks passed")
+            more = (
+                "" if case else "; with --case CASE, what runs in that case, and what has no effect there, is said too"
+            )
+            say(f"{title}: all checks passed{more}")
     if case is not None and not status:
         for line in tried_in(case, [(kind, name) for kind, name in provided if kind not in ("case", "hook")]):
             say(line.replace("_", " ", line.partition(" ")[0].count("_")))
-    if case is None and any(kind not in ("case", "hook") for kind, _ in provided):
-        note("--case CASE says what of it runs in that case, and what has no effect there")
     return status
 
 
