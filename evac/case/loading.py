@@ -72,6 +72,7 @@ def load_case(
 
 def as_case(case: Case | str | Path | Mapping[str, Any]) -> Case:
     """Return `case` if it is a `Case`, else load it with `load_case`."""
+    check_types(case=(case, Case | PATH | Mapping))
     return case if isinstance(case, Case) else load_case(case)
 
 
