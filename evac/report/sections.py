@@ -485,7 +485,8 @@ def hydraulic_answer(run: Results) -> str:
     time, own = decisive.hydraulic_time, "in the run, not everybody left"
     if run.last_out is not None and run.is_complete:
         change = round(100.0 * (run.last_out / time - 1.0))
-        own = f"that of the run is {run.last_out:.1f} s, {abs(change)} % {'less' if change < 0 else 'more'}"
+        apart = f"{abs(change)} % {'less' if change < 0 else 'more'}" if change else "less than 1 % from it"
+        own = f"that of the run is {run.last_out:.1f} s, {apart}"
     return (
         f"The hydraulic evacuation time is {time:.1f} s, determined by the "
         f"{counted(decisive.people, 'person', 'people')}, each counted once, who pass {decisive.kind} "
