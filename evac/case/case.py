@@ -1,6 +1,7 @@
 """A checked case: plain data, from a file, a dictionary or a sweep."""
 
 import copy
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -226,9 +227,22 @@ class Case(Table):
     def write(self, path: str | Path) -> None:
         """Write the case, with its overrides and its plan, as a case.toml that is read as an equal case.
 
-        Files that it names are found from the folder of `path`, as from the folder of the case.
+        Paths of the files that it names are written relative to the folder of `path`.
         """
-        Path(path).write_text(case_text(_given(self.table)), encoding="utf-8")
+        table, there = _given(self.table), Path(path).resolve().parent
+        if there != self.folder.resolve():
+            building, plugins = table.get("building", {}), table.get("plugins", {})
+            for row in [building, *table.get("conditions", [])]:
+                row.update({key: self._from(there, row[key]) for key in ("mesh", "file") if key in row})
+            if "files" in plugins:
+                plugins["files"] = [self._from(there, name) for name in plugins["files"]]
+            for storey in building.get("plan", {}).get("storeys", []):
+                storey.update({key: self._from(there, storey[key]) for key in ("file",) if key in storey})
+        Path(path).write_text(case_text(table), encoding="utf-8")
+
+    def _from(self, folder: Path, name: str) -> str:
+        """Return the path of a file of the case relative to another folder."""
+        return Path(os.path.relpath(self.folder.resolve() / name, folder)).as_posix()
 
     def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
         """Return the case itself, which cannot be changed."""

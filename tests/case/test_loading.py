@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+import evac
 from evac.base.distributions import Distribution
 from evac.base.errors import ScenarioError
 from evac.case import case_from, load_case
@@ -290,3 +291,13 @@ def test_a_level_alone_is_where_people_start():
 def test_a_dose_without_conditions_is_refused(case_file):
     with pytest.raises(ScenarioError, match=r"dose: .*\[\[conditions\]\]"):
         load_case(case_file, {"dose": {"heat": "none"}})
+
+
+def test_a_case_that_is_written_elsewhere_finds_its_files(tmp_path):
+    case = evac.load("primary_school").change({"conditions": [{"source": "fds", "file": "smoke/office.smv"}]})
+    (tmp_path / "a" / "b").mkdir(parents=True)
+    case.write(tmp_path / "a" / "b" / "case.toml")
+    again = evac.load(tmp_path / "a" / "b" / "case.toml")
+    assert again.mesh.samefile(case.mesh)
+    assert again.building.mesh != case.building.mesh
+    assert (again.folder / again.conditions[0].file).resolve() == (case.folder / "smoke" / "office.smv").resolve()
