@@ -49,6 +49,9 @@ MOST_PEOPLE = 1_000_000
 #: Greatest density of people [1/m2]; they cannot stand closer.
 MOST_DENSITY = 20.0
 
+#: Greatest value of a quantity of the air, whatever its unit.
+MOST_VALUE = 1e6
+
 #: Greatest simulated time of a run [s], four months, and number of states that it records.
 LONGEST_RUN = 1e7
 MOST_STATES = 10_000_000
@@ -530,7 +533,9 @@ class WhenSettings(Table):
     count: Whole | None = key("at least this many people are in `area`", "", None, ge=1, le=MOST_PEOPLE)
     at_most: Whole | None = key("at most this many people are in `area`", "", None, ge=0, le=MOST_PEOPLE)
     density: Annotated[Real, Field(gt=0, le=MOST_DENSITY)] | None = key("at least this density in `area`", "1/m2", None)
-    smoke: Real | None = key("at least this extinction coefficient at the heads of people in `area`", "1/m", None, gt=0)
+    smoke: Annotated[Real, Field(gt=0, le=MOST_VALUE)] | None = key(
+        "at least this extinction coefficient at the heads of people in `area`", "1/m", None
+    )
     area: str | None = key("name of an area or level", "", None)
     after: Real = key("time from then to the event", "s", 0.0, ge=0, le=LONGEST_RUN)
 
@@ -613,9 +618,6 @@ class PhaseSettings(Table):
             for name, place in zip(names, self.of, strict=True)
         )
 
-
-#: Greatest value of a quantity of the air, whatever its unit.
-MOST_VALUE = 1e6
 
 Time = Annotated[Real, Field(ge=0, le=LONGEST_RUN)]
 Value = Annotated[Real, Field(ge=-MOST_VALUE, le=MOST_VALUE)]
