@@ -115,7 +115,7 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
     (index in the field array ``group_names``, -1 for none), level (index in ``level_names``), speed and velocity
     [m/s] (along the slope on stairs), contact_force [N], crowd_pressure [N/m], radius [m] and, if recorded, dose. In
     the .pvd, people are part 0 and the building part 1 of every time [s]. The building is a tree of blocks, see
-    `building_blocks`.
+    `building_blocks`. Of a building with lifts, their cars are part 2, see `cars_polydata`.
     """
     if not len(trajectory):
         raise ResultError(f"{trajectory.path}: no frame to export; the run ended before its first output")
@@ -137,8 +137,11 @@ def _files(trajectory: Trajectory) -> Iterator[tuple[str, bytes]]:
     yield from _building_files([*states.values()])
     for k in told("writing the VTK animation", range(len(trajectory)), len(trajectory)):
         yield frame_name(k), vtp_bytes(people_polydata(trajectory, trajectory[k]))
+        if trajectory.building.lifts:
+            yield frame_name(k).replace("frame_", "cars_"), vtp_bytes(cars_polydata(trajectory, trajectory[k]))
     names = {condition: building_name(k) for k, condition in enumerate(states)}
-    yield ANIMATION_NAME, _pvd(trajectory.time, [names[building.condition] for building in buildings]).encode()
+    shown = [names[building.condition] for building in buildings]
+    yield ANIMATION_NAME, _pvd(trajectory.time, shown, bool(trajectory.building.lifts)).encode()
 
 
 def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
@@ -161,6 +164,32 @@ def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
         },
         texts={"group_names": trajectory.groups},
         shown="speed",
+    )
+
+
+def cars_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
+    """Return the cars of lifts at a time: floor and sides, with cell arrays.
+
+    These are lift (index in the field array ``lift_names``), level, whether the doors are open, and the number of
+    people.
+    """
+    from evac.building.model.lifts import CAR_HEIGHT, car_body, cars_at
+
+    building = trajectory.building
+    corners, rows = [], []
+    for k, car in enumerate(cars_at(building, trajectory.changes, frame["time"])):
+        outline, ground = car_body(building, car)
+        ahead, up = np.roll(outline, -1, axis=0), np.array([0.0, 0.0, CAR_HEIGHT])
+        sides = np.stack([outline, ahead, ahead + up, outline, ahead + up, outline + up], axis=1)
+        corners += [ground, sides.reshape(-1, 3, 3)]
+        row = [k, car.level, int(car.is_open), int((frame["level"] == car.level).sum())]
+        rows += (len(ground) + 2 * len(outline)) * [row]
+    triangles = np.concatenate(corners)
+    return PolyData(
+        points=triangles.reshape(-1, 3),
+        polygons=np.arange(3 * len(triangles)).reshape(-1, 3),
+        cell_arrays=dict(zip(("lift", "level", "open", "people"), np.array(rows, np.int32).T, strict=True)),
+        texts={"lift_names": [lift.name for lift in building.lifts]},
     )
 
 
@@ -230,11 +259,13 @@ def _building_files(states: Sequence[Building]) -> Iterator[tuple[str, bytes]]:
         yield building_name(k), text.encode()
 
 
-def _pvd(times: NDArray[np.float64], buildings: Sequence[str]) -> str:
+def _pvd(times: NDArray[np.float64], buildings: Sequence[str], has_cars: bool) -> str:
     entry = '    <DataSet timestep="{}" part="{}" name="{}" file="{}"/>'
     lines = []
     for k, (time, building) in enumerate(zip(times.tolist(), buildings, strict=True)):
         lines.append(entry.format(repr(time), 0, "people", frame_name(k)))
         lines.append(entry.format(repr(time), 1, "building", building))
+        if has_cars:
+            lines.append(entry.format(repr(time), 2, "cars", frame_name(k).replace("frame_", "cars_")))
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
     return head + "  <Collection>\n" + "\n".join(lines) + "\n  </Collection>\n</VTKFile>\n"

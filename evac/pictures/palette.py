@@ -27,6 +27,9 @@ EXIT, CLOSED, PORTAL = "#0b7a3c", "#b3261e", "#6b7785"
 PLACES = {"refuge": "#1f5fa8", "assembly": EXIT, "sign": EXIT, "line": "#7a3b9c", "fire": "#c2410c"}
 
 
+#: Colour of the cars of lifts.
+CAR = "#1f5fa8"
+
 #: Colours of verdicts, by their status.
 VERDICTS = {"green": "#0b6b35", "amber": "#9a6700", "red": CLOSED, "none": EDGE}
 

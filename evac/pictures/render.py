@@ -15,7 +15,7 @@ from evac.base.phases import told
 from evac.building.model.building import Building
 from evac.building.model.elevation import on_level
 from evac.folder.files import replacing
-from evac.pictures.palette import DEPTH, LEVELS, SMOKE, rgb
+from evac.pictures.palette import CAR, DEPTH, LEVELS, SMOKE, rgb
 from evac.pictures.pawns import draw_people
 from evac.pictures.scales import colouring
 from evac.pictures.view import Camera, View
@@ -143,6 +143,8 @@ class Renderer:
         frame = trajectory[k]
         view, ground, names = self._drawn_at(frame["time"])
         image = ground.copy() if self._smoke is None else self._smoke.draw(ground, view, k).copy()
+        if trajectory.building.lifts:
+            image = self._with_cars(image, view, frame["time"])
         places = view.project(frame["level"], np.column_stack([frame["position"], frame["z"]]))
         shown = np.isfinite(places[:, 0])
         person = frame["person"][shown]
@@ -159,6 +161,26 @@ class Renderer:
         smoke = "" if self._smoke is None else f"      smoke up to {self._smoke.greatest(k):.1f} 1/m"
         Pen(picture).clock(f"t = {frame['time']:.1f} s      {out} of {trajectory.number_of_people} out{smoke}{latest}")
         return np.array(picture)
+
+    def _with_cars(self, image: NDArray[np.uint8], view: View, time: float) -> NDArray[np.uint8]:
+        """Return a picture with the cars of lifts: their ground, and their edges in space."""
+        from evac.building.model.lifts import CAR_HEIGHT, car_body, cars_at
+
+        building, picture = self.trajectory.building, Image.fromarray(image).convert("RGBA")
+        layer = Image.new("RGBA", picture.size, (0, 0, 0, 0))
+        pen, colour = ImageDraw.Draw(layer), rgb([CAR])[0]
+        for car in cars_at(building, self.trajectory.changes, time):
+            outline, _ = car_body(building, car)
+            ground = view.project(np.full(len(outline), car.level, np.int32), outline)[:, :2]
+            if not np.isfinite(ground).all():
+                continue
+            above = ground - np.array([0.0, view.scale * CAR_HEIGHT * math.cos(view.elevation)])
+            low, high = [*map(tuple, ground.tolist())], [*map(tuple, above.tolist())]
+            pen.polygon(low, fill=(*colour, 70 if car.is_open else 150), outline=(*colour, 255))
+            for post in zip(low, high, strict=True):
+                pen.line(post, fill=(*colour, 255))
+            pen.polygon(high, outline=(*colour, 255))
+        return np.array(Image.alpha_composite(picture, layer).convert("RGB"))
 
     def view_at(self, time: float) -> View:
         """Return the building as it is drawn at a time [s], and the projection to the picture."""

@@ -94,6 +94,7 @@ class MotionPacker:
         # Positions in the person's last frame, and in the first one of the run; velocities of the last frame.
         self._last, self._first, self._velocity = np.zeros((3, people, 2), np.int64)
         self._is_new, self._time = np.ones(people, np.bool_), 0.0
+        self.times: list[float] = []
         self._started = np.zeros(people, np.int32)  # 1 of those whose response time was over
         # In each person's last frame.
         self._speeds, self._waited, self._forces, self._doses, self._headings = np.zeros((5, people), np.int64)
@@ -111,6 +112,7 @@ class MotionPacker:
         if not is_shown:
             return
         self.frames += 1
+        self.times.append(frame["time"])
         self._write("times", np.array([frame["time"]], "<f8"))
         self._write("events", self._events(person, level, started))
         at = np.floor((position - self.origin) / GRAIN).astype(np.int64)  # so that nobody is in another cell of maps

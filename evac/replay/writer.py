@@ -65,6 +65,7 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
         ],
         "longest": _longest(motion, account.longest),
         "changes": [[change.time, change.words] for change in changes if change.kind != LIFT],
+        "cars": cars_for_page(motion, changes),
         "grain": GRAIN,
         "tallest": MOST_HEIGHT,
         "moment": MOMENT,
@@ -164,6 +165,7 @@ def _about(account: Account, portals: int) -> dict[str, Any]:
             "exit": palette.EXIT,
             "closed": palette.CLOSED,
             "places": palette.PLACES,
+            "car": palette.CAR,
         },
         "people_scales": {scale.label: _scale(scale) for scale in PEOPLE.values()},
         "map_scales": {scale.label: _scale(scale) for scale in MAPS.values()},
@@ -183,6 +185,25 @@ def _about(account: Account, portals: int) -> dict[str, Any]:
             "time": np.diff(np.rint(100.0 * moves.time).astype(np.int64), prepend=0).tolist(),  # since the one before
         },
     }
+
+
+def cars_for_page(motion: MotionPacker, changes: Sequence[Change]) -> list[dict[str, Any]]:
+    """Return the lifts, with the level and the rise above it [cm] of the car, and whether it is open, at each time."""
+    building = motion.building
+    if not building.lifts:
+        return []
+    from evac.building.model.lifts import CAR_HEIGHT, cars_at
+
+    states = [cars_at(building, changes, time) for time in motion.times]
+    return [
+        {
+            "name": lift.name,
+            "capacity": lift.operation.capacity,
+            "tall": CAR_HEIGHT,
+            "states": [[car.level, round(car.rise / GRAIN), int(car.is_open)] for car in own],
+        }
+        for lift, own in zip(building.lifts, zip(*states, strict=True), strict=True)
+    ]
 
 
 def _longest(motion: MotionPacker, queue: Queue | None) -> dict[str, Any] | None:

@@ -272,9 +272,12 @@ class Trajectory:
         """Return how far people on some levels are above these at a time, in cars that ride, (c,) [m]."""
         if not self.building.lifts:
             return 0.0
-        from evac.building.model.lifts import risen
+        from evac.building.model.lifts import cars_at
 
-        return risen(self.building, self.changes, time)[level]
+        off = np.zeros(len(self.building.levels))
+        for car in cars_at(self.building, self.changes, time):
+            off[car.level] = car.rise
+        return np.asarray(off[level])
 
     def maps(self, levels: "Iterable[str | int] | None" = None, **options: Any) -> "Mapping[str, LevelMaps]":
         """Return maps of density, speed, flow, ... of levels: see `evac.analysis.maps.level_maps`."""

@@ -9,7 +9,7 @@ from shapely import box
 import evac
 from evac.base.change import Change
 from evac.base.errors import BuildingError
-from evac.building.model.lifts import Motion, risen
+from evac.building.model.lifts import CarState, Motion, cars_at
 from evac.building.model.links import links_named
 
 
@@ -171,12 +171,14 @@ def test_cars_are_where_their_trips_take_them():
     trips = [trip(1.0, "leaves", "ground", "second"), other, trip(20.0, "arrives from", "ground", "second")]
     motion = lift.motion(0, 2)
     for after in (0.0, 0.4, 0.5, 1.0, 3.0, motion.duration + 0.5):
-        off = risen(building, trips, 1.0 + after)
-        assert off[lift.rooms[0]] == pytest.approx(motion.at(after - 0.5) if after > 0.5 else 0.0)
-        assert np.count_nonzero(off) <= 1
-    assert not risen(building, trips, 21.0).any()
-    down = risen(building, [trip(0.0, "leaves", "second", "first")], 100.0)
-    assert down[lift.rooms[2]] == pytest.approx(-3.5)
+        (car,) = cars_at(building, trips, 1.0 + after)
+        assert car.level == lift.rooms[0]
+        assert car.rise == pytest.approx(motion.at(after - 0.5) if after > 0.5 else 0.0)
+    assert cars_at(building, trips, 21.0) == [CarState(lift.rooms[2], 0.0, False)]
+    opened = [*trips, trip(22.0, "opens at", "second")]
+    assert [cars_at(building, opened, time)[0].is_open for time in (22.0, 22.1)] == [False, True]
+    (down,) = cars_at(building, [trip(0.0, "leaves", "second", "first")], 100.0)
+    assert (down.level, down.rise) == (lift.rooms[2], pytest.approx(-3.5))
 
 
 def test_a_door_of_a_lift_is_not_closed_by_itself():

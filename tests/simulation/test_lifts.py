@@ -5,11 +5,16 @@ import sys
 
 import numpy as np
 import pytest
+import pyvista
 from shapely import box
 
 import evac
 from evac.base.errors import EvacError
 from evac.building.model.lifts import Motion
+from evac.export.vtk import export_vtk
+from evac.pictures.palette import CAR, rgb
+from evac.pictures.render import Renderer
+from evac.replay.writer import cars_for_page, packed
 from evac.simulation.lifts import CLOSING, OPEN, OPENING, RIDES
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, run_ticks
@@ -270,6 +275,25 @@ def test_a_recorded_run_has_its_lifts_and_the_heights_of_people_who_ride(tmp_pat
     assert (between.sum(axis=0) > 8).all()  # everybody has been on the way
     speed = np.abs(np.diff(z, axis=0)) / 0.2
     assert np.nanmax(speed) <= 2.0 + 0.1
+
+    export_vtk(trajectory, tmp_path)
+    reader = pyvista.get_reader(tmp_path / "animation.pvd")
+    k = int(np.flatnonzero(between.all(axis=1))[0])
+    reader.set_active_time_value(reader.time_values[k])
+    people, _, cars = reader.read()
+    assert (set(cars["people"]), set(cars["open"])) == ({5}, {0})
+    np.testing.assert_allclose(cars.bounds[4:], (z[k].min(), z[k].min() + 2.1))  # they stand on its ground
+    assert people.bounds[0] > cars.bounds[0]
+    assert people.bounds[1] < cars.bounds[1]
+
+    (car,) = cars_for_page(packed(trajectory), trajectory.changes)
+    heights = [trajectory.building.levels[level].z_min + 0.01 * rise for level, rise, _ in car["states"]]
+    assert len(heights) == len(trajectory)
+    assert heights[k] == pytest.approx(z[k].min(), abs=0.006)
+    assert np.abs(np.diff(heights)).max() <= 0.2 * 2.0 + 0.02  # the car does not jump between storeys
+
+    pictures = [Renderer(trajectory, (400, 400), view=view).image(k) for view in ("3d", "plan")]
+    assert all((np.abs(picture - np.array(rgb([CAR])[0], float)).max(axis=2) < 40).any() for picture in pictures)
 
 
 @pytest.mark.parametrize(

@@ -3,20 +3,25 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.base.change import ARRIVES, LEAVES, LIFT, Change, LiftOptions
+from evac.base.change import ARRIVES, LEAVES, LIFT, OPENS, Change, LiftOptions
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
 from evac.building.model.building import Building, Jump
+from evac.building.model.elevation import on_level, triangles_on
 
 #: Distance of the place at the back of a car to which people walk from its walls, in a car that is wide enough [m].
 OFF_WALLS = 0.25
 
+
+#: Height of a car where it is drawn [m].
+CAR_HEIGHT = 2.1
 
 #: Least ground of a car for each person [m2]: less than the 0.17 m2 of EN 81-20 for 13 people.
 LEAST_GROUND = 0.12
@@ -204,20 +209,36 @@ def _back(polygon: BaseGeometry, doors: FloatArray) -> tuple[float, float]:
     return x0, y0
 
 
-def risen(building: Building, changes: Iterable[Change], time: float) -> FloatArray:
-    """Return how far the cars at the stops that they have left are above these at a time, (levels,) [m]."""
-    off: FloatArray = np.zeros(len(building.levels))
+class CarState(NamedTuple):
+    """Where a car is: the level of the stop at which it is or which it has left, and how far it is above this [m]."""
+
+    level: int
+    rise: float
+    is_open: bool  # whether its doors are open
+
+
+def cars_at(building: Building, changes: Iterable[Change], time: float) -> list[CarState]:
+    """Return where the car of each lift is at a time, by the changes before it."""
     lifts = {lift.name: lift for lift in building.lifts}
+    states = {name: CarState(lift.rooms[lift.start], 0.0, False) for name, lift in lifts.items()}
     for change in changes:
-        # what is recorded at a time is the state before the changes at it
-        if change.kind != LIFT or change.time >= time or change.values["value"][0] not in (LEAVES, ARRIVES):
+        if (
+            change.kind != LIFT or change.time >= time
+        ):  # what is recorded at a time is the state before the changes at it
             continue
         lift = lifts[change.what]
         what, *storeys = change.values["value"]
-        origin, to = map(lift.storeys.index, storeys)
-        off[list(lift.rooms)] = 0.0
+        stops = [lift.storeys.index(storey) for storey in storeys]
+        rise = 0.0
         if what == LEAVES:
-            rise = lift.heights[to] - lift.heights[origin]
-            done = lift.motion(origin, to).at(time - change.time - lift.operation.start_delay)
-            off[lift.rooms[origin]] = math.copysign(done, rise)
-    return off
+            done = lift.motion(*stops).at(time - change.time - lift.operation.start_delay)
+            rise = math.copysign(done, lift.heights[stops[1]] - lift.heights[stops[0]])
+        states[lift.name] = CarState(lift.rooms[stops[what == ARRIVES]], rise, what == OPENS)
+    return [*states.values()]
+
+
+def car_body(building: Building, car: CarState) -> tuple[FloatArray, FloatArray]:
+    """Return the outline of the ground of a car (c, 3) [m], and its triangles there (t, 3, 3) [m]."""
+    up, polygon = np.array([0.0, 0.0, car.rise]), building.levels[car.level].polygon
+    outline = on_level(building, car.level, shapely.get_coordinates(polygon.exterior)[:-1])
+    return outline + up, triangles_on(building, car.level, polygon).reshape(-1, 3, 3) + up

@@ -18,6 +18,8 @@ class Labels {
       return { kind: "storey", name, level, corners: this.cornersOf(building.levels[level]), outer: parts.flatMap((one) => this.cornersOf(one)).map(([x, y]) => [x, y, z]) };
     });
     this.items.push(...[this.who, this.event] = [{ kind: "who", name: "" }, { kind: "event", name: "" }]);
+    this.cars = record.cars.map(() => ({ kind: "car", name: "" }));
+    this.items.push(...this.cars);
     building.exits.forEach(({ name, level, segments }, index) => {
       const s = 6 * Math.floor(segments.length / 12), [x1, y1, z1, x2, y2, z2] = metres(segments.slice(s, s + 6));
       this.items.push({ kind: "exit", index, name, level, at: [(x1 + x2) / 2, (y1 + y2) / 2, (z1 + z2) / 2], lift: EXIT_HEIGHT + 0.1 });
@@ -59,7 +61,7 @@ class Labels {
   // Puts every label beside what it names, where it covers nobody and no other label, and where no floor lies before what
   // it names, with a line to that if it is not near; it is hidden where there is no such place. Of whoever is selected and
   // of the event at this time, there are name and place in the picture. Styles are written only where they change.
-  update(camera, state, selected, event, people, density, width, height) {
+  update(camera, state, selected, event, cars, people, density, width, height) {
     const { cells } = this;
     const aim = [...camera.matrix, this.layout.spread, this.layout.storey, width, height], isMoved = aim.some((value, k) => value !== this.aim?.[k]);
     if (isMoved && (width !== cells.width || height !== cells.height)) for (const item of this.items) item.size = null;
@@ -71,6 +73,7 @@ class Labels {
     if (camera.isFlat || this.record.northward) cells.mark(...CORNER.map((value, i) => value + (i % 2 ? height : width)));
     Object.assign(this.who, { to: selected });
     Object.assign(this.event, { to: event });
+    this.cars.forEach((item, k) => { item.to = cars[k]; });
     this.shown = [];
     for (const item of this.items) {
       const box = this.boxOf(item, camera, state, density), line = box && item.kind !== "storey" ? leaderOf(box) : [0, 0, 0, 0];

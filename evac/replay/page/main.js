@@ -266,8 +266,10 @@ async function start() {
     if (airs.includes(state.layer)) stage.setLayer(density, smoke.layer(state.layer, now.frame, people.scaleOf(state.layer, "")), true);
     people.update(now, layout, state.quantity, state.service, state.highlighted, state.selected);
     if (state.isFollowed) goAlong(now);
+    const cars = carsAt(record, now, state.time);
+    if (cars.length) stage.mesh("cars", carsMesh(layout, cars, unit(about.colours.car)), [3, 4]);
     stage.draw(camera, people, { ...look, ...layout.boxInPicture(), layer: state.isLayered ? 1 : 0, isSmoky: state.layer === AIR[0], limit: smoke?.limitOf(state.layer, people) ?? -1, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
-    labels.update(camera, building, selectedPlace(), eventPlace(), people, density, wide, tall);
+    labels.update(camera, building, selectedPlace(), eventPlace(), carPlaces(layout, cars, camera.isFlat), people, density, wide, tall);
     updateScale(camera, tall, about.northward, state.view === "section");
     if (film) paint(film.page);
     if (!state.isPlaying || began - told > TELL_EVERY) tell(now);

@@ -149,6 +149,7 @@ class Stage {
     });
     gl.depthMask(false);
     this.use(this.glow);
+    this.show("cars");
     this.show("paths", gl.LINES);
     this.show("track");
     this.show("measured");
