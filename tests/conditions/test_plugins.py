@@ -1,6 +1,5 @@
 """The documented plugins run: a law of the speed in smoke, and a cloud that moves through a car park."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -11,20 +10,13 @@ from evac.conformance import check_plugin
 from evac.contract.registry import Registry
 from evac.simulation.simulation import Simulation
 
-PAGE = (Path(__file__).parents[2] / "docs/plugins_movement.md").read_text(encoding="utf-8")
+EXAMPLES = Path(__file__).parents[2] / "docs/examples/conditions"
 
 
 @pytest.fixture
-def documented(tmp_path):
-    """Write the documented code of a class to a plugin file."""
-
-    def write(name):
-        code = next(one for one in re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL) if f"class {name}(" in one)
-        path = tmp_path / f"{name.lower()}.py"
-        path.write_text(code, encoding="utf-8")
-        return path
-
-    return write
+def documented():
+    """Return the documented plugin file of a class."""
+    return lambda name: EXAMPLES / f"{name.lower()}.py"
 
 
 def test_the_documented_law_has_ten_lines_and_conforms(documented):

@@ -194,6 +194,7 @@ def test_python_of_the_guide_to_embedding_runs_with_the_bits_that_it_promises(te
     names = {}
     for block in fenced(text("docs/embedding.md"), "python"):
         exec(compile(block, "embedding.md", "exec"), names)
+    runpy.run_path(str(ROOT / "docs/examples/scripts/intervening.py"))
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("interrupted ")
     assert lines[2] == str(["'door' closed at 3 s", "'door' opened at 9 s"])
