@@ -27,7 +27,7 @@ FILES = {
 }
 
 COMMANDS = (
-    "run nowhere",
+    "run atlantis",
     "run square_room --set simulation.duraton=3",
     "run text.toml",
     "run square_room --set simulation.duration=long",
