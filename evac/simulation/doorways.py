@@ -181,7 +181,8 @@ def turn_round(building: Building, crowd: Crowd, links: Mapping[int, int]) -> No
     """Let people leave the lines of links that get one direction, to their side, if they are behind these."""
     for link, origin in links.items():
         levels, segments = building.links[link].levels, building.links[link].segments
-        _release(crowd, link)
+        was_let = crowd.passing == link  # also who was turned round by the other direction
+        crowd.passing[was_let], crowd.ahead[was_let] = -1, 0.0
         rows = np.flatnonzero(np.isin(crowd.level, levels) & ~crowd.ahead.any(axis=1)).astype(np.int32)
         nearest, distance, outward = nearest_points(segments, crowd.position[rows])
         is_door = len(levels) == 1

@@ -493,7 +493,7 @@ class Scene(Saved):
         on_lines: list[int] = []
         if self.people is not None:
             on_lines = begin_to_leave(before, self.fields, self.people.crowd, closing)
-            turn_round(before, self.people.crowd, {link: building.directed[link] for link in turning})
+            turn_round(before, self.people.crowd, {link: building.directed[link] for link in turning - closing})
             for name in building.barred - before.barred:
                 noted = self._in_barred.setdefault(name, self._nobody())
                 rows = self.people.rows_in(building, name)

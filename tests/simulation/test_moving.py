@@ -9,6 +9,7 @@ from shapely import box
 import evac
 from evac.base.errors import BuildingError
 from evac.simulation.simulation import Simulation
+from tests.runs import run_ticks
 
 RUBBING = """
 from evac import hookimpl
@@ -148,6 +149,22 @@ def test_an_event_stops_and_turns_an_escalator():
     assert str(simulation.ended) == "everybody out"
     stopped = simulation.scene.changes[0]
     assert (stopped.kind, stopped.what, stopped.values["value"]) == ("move", "one", False)
+
+
+def test_who_was_turned_back_on_the_line_of_an_escalator_follows_its_other_direction():
+    simulation = Simulation(escalators(people=[UP | {"number": 1}], two={"speed": 0.5, "towards": "down"}))
+    crowd, building = simulation.population.crowd, simulation.scene.building
+    top = next(way for way in building.portals if "one" in way.name and "high" in way.name)
+    flight = next(level.index for level in building.levels if level.stair == "one")
+    while crowd.level[0] != flight or crowd.position[0, 0] < top.segments[0, 0] - 0.15:
+        simulation.advance_tick()
+    for wait, towards in ((0.1, "down"), (0.2, "up")):
+        value = {"speed": 0.75, "towards": towards}
+        simulation.scene.apply(evac.Change(simulation.time + wait, "move", "one", {"value": value}))
+    run_ticks(simulation, 2)
+    assert crowd.ahead[0, 0] < 0.0
+    run_ticks(simulation, 100)
+    assert simulation.ended == "everybody out"
 
 
 def test_a_run_is_resumed_while_people_ride(tmp_path):
