@@ -301,3 +301,14 @@ def test_a_case_that_is_written_elsewhere_finds_its_files(tmp_path):
     assert again.mesh.samefile(case.mesh)
     assert again.building.mesh != case.building.mesh
     assert (again.folder / again.conditions[0].file).resolve() == (case.folder / "smoke" / "office.smv").resolve()
+
+
+def test_a_key_that_a_program_gives_as_none_is_written_as_one_not_given(tmp_path):
+    plan = evac.Plan()
+    plan.storey("hall", [(0, 0), (8, 0), (8, 6), (0, 6)])
+    plan.exit("door", "hall", [(0, 2), (0, 4)])
+    people = {"name": "people", "number": 3, "level": "hall", "preset": None}
+    given = {"building": {"mesh": None, "plan": plan}, "people": [people], "contact": {"model": "nsm2"}}
+    evac.load(given).write(tmp_path / "case.toml")
+    assert "inf" not in (tmp_path / "case.toml").read_text()
+    assert evac.load(tmp_path).to_dict() == evac.load(given).to_dict()
