@@ -46,11 +46,11 @@ _CHANGED = (
     "former",
     "before",
     "leans",
-    "heap",
-    "key",
-    "place",
     "jump_time",
 )
+
+#: Arrays of the waves whose values no march takes over; of the memory, only what a march writes to is used.
+_SCRATCH = ("heap", "key", "place")
 
 
 class RouteField(Saved):
@@ -104,7 +104,7 @@ class RouteField(Saved):
         self._solved = joins & ~starts
         self.waves = self._make_waves(ways, slowness, joins, starts, base, float(hesitation), bool(present.lifts))
         _start_at_exits(self.waves, grids, exits, starts)
-        self.speed, self._wanted = np.ones(grids.size), np.ones(grids.size)
+        self.speed = np.ones(grids.size)
         self.stale: set[int] = set()
         self._at_once = self.waves.jump_time.copy()
         self._halos = [np.flatnonzero(grids.is_ground(grid) & (grid.sheet != OWN)) for grid in grids.levels]
@@ -123,8 +123,9 @@ class RouteField(Saved):
         """Return this column as it is now, to be written to other travel times (nodes,) and directions (nodes, 2)."""
         other, waves = shallow_copy(self), self.waves
         other._travel_time, other._all_directions = travel_time, direction
-        other.waves = waves.replace(**{name: getattr(waves, name).copy() for name in _CHANGED})
-        other.speed, other._wanted, other._direction = self.speed.copy(), self._wanted.copy(), self._direction.copy()
+        arrays = {name: getattr(waves, name).copy() for name in _CHANGED}
+        other.waves = waves.replace(**arrays, **{name: np.empty_like(getattr(waves, name)) for name in _SCRATCH})
+        other.speed, other._direction = self.speed.copy(), self._direction.copy()
         return other
 
     def keep_links(self) -> None:
@@ -211,11 +212,11 @@ class RouteField(Saved):
             walk=np.zeros(grids.size),
             former=nobody.copy(),
             hesitation=hesitation,
-            before=np.full(grids.size, -1, np.int64),
+            before=np.full(grids.size, -1, np.int32),
             leans=np.zeros((len(grids.levels), len(grids.levels)), np.uint8),
-            heap=np.zeros(grids.size, np.int64),
+            heap=np.zeros(grids.size, np.int32),
             key=np.zeros(grids.size),
-            place=np.zeros(grids.size, np.int64),
+            place=np.zeros(grids.size, np.int32),
         )
 
     def _fill_of(self, level: int, joins: BoolArray, base: FloatArray) -> tuple[IndexArray, IndexArray]:
@@ -321,15 +322,13 @@ class RouteField(Saved):
 
     def slow_down(self, density: FloatArray, levels: Set[int], floor: float, noticed: float = NOTICED) -> set[int]:
         """Take the speeds of some levels from the density (nodes,) and the queues; return those that have changed."""
-        waves, changed = self.waves, set()
+        waves, changed, wanted = self.waves, set(), np.empty_like(self.speed)
         for level in levels & set(self._places):
             packed = self._grids.levels[level].packed
             queues = self._gates.queues
-            differs = find_speeds(
-                packed.start, packed.stop, density, floor, waves, queues, STEP, self.speed, self._wanted
-            )
+            differs = find_speeds(packed.start, packed.stop, density, floor, waves, queues, STEP, self.speed, wanted)
             if differs > noticed:
-                self._take_speeds(level, self._wanted[packed])
+                self._take_speeds(level, wanted[packed])
                 changed.add(level)
         return changed
 

@@ -53,11 +53,11 @@ class MarchState(Struct):
     walk: Floats  # (nodes,) time to this gate without other people [s]
     former: Ints  # (nodes,) that of the march before, -1 for none
     hesitation: float  # least time that the way to another exit than before must be shorter [s]
-    before: Longs  # (nodes,) next node on the way
+    before: Ints  # (nodes,) next node on the way
     leans: ByteGrid  # (levels, levels) whether times of one level follow from those of another
-    heap: Longs  # (nodes,) queue of nodes, the lowest time first
+    heap: Ints  # (nodes,) queue of nodes, the lowest time first
     key: Floats  # (nodes,) their times
-    place: Longs  # (nodes,) place of each node in the queue
+    place: Ints  # (nodes,) place of each node in the queue
 
 
 @kernel
