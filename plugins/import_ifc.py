@@ -52,7 +52,7 @@ NEEDED = ("space", "slab", "door", "stair", "landing")
 #: greatest thickness [m].
 PROXY, LEAST_SLAB, THICKEST_SLAB = "IfcBuildingElementProxy", 4.0, 0.6
 #: Why elements of other classes are left out.
-UNUSED = {"IfcTransportElement": "lifts and escalators are not supported", PROXY: "their class tells nothing"}
+UNUSED = {"IfcTransportElement": "draw lifts in the plan, and let stairs move", PROXY: "their class tells nothing"}
 #: The whole and its parts of a relation.
 AGGREGATES = re.compile(rb"=\s*IFCRELAGGREGATES\s*\([^;]*?#(\d+)\s*,\s*\(([#\d,\s]*)\)\s*\)\s*;")
 #: The opening and the door or window of a relation; names between quotes cannot hold a reference at the end.
