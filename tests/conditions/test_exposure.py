@@ -122,7 +122,7 @@ def before_a_door(folder, model, walking, strategy="fastest"):
     slices += [
         (f"{name} VOLUME FRACTION", 1.5, False, lambda x, y, z, t, v=v: v + 0.0 * x) for name, v in clear.items()
     ]
-    path, _ = write_slices(folder, [(0, 12, 0, 6, 0, 3)], slices, [0.0, 1.0, 2.0, 20.0])
+    path, _ = write_slices(folder, [(0, 12, 0, 6, 0, 3)], slices, np.arange(21.0))
     plan = {
         "storeys": [{"name": "f", "polygons": [[[0, 0], [12, 0], [12, 6], [0, 6]]]}],
         "exits": [{"name": "out", "storey": "f", "segment": [[12, 2], [12, 4]]}],
