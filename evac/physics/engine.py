@@ -10,7 +10,6 @@ import numpy as np
 from evac.base.errors import PluginError, SimulationError, fault, is_foreign, place_of, plugin_code
 from evac.base.parameters import did_you_mean
 from evac.base.saved import FINITE, Bounds, Saved
-from evac.directions.sampling import sample_travel_times
 from evac.jit import AddressCall, Bytes, Callback, Entry, call_body_force, call_pair_force, call_person_force
 from evac.jit.loading import addresses_of
 from evac.physics import driver, status
@@ -22,7 +21,7 @@ from evac.physics.contact.packing import check_indices, cutoff_of, is_of_person,
 from evac.physics.contact.pair_contact import PairContact
 from evac.physics.contact.rows import Solver, call_solver
 from evac.physics.force import Force, add_body_forces, add_forces
-from evac.physics.order import gather, rows_by_place, rows_by_travel_time, scatter
+from evac.physics.order import find_travel_times, gather, rows_by_place, rows_by_travel_time, scatter
 from evac.physics.seams import reaches
 from evac.physics.state import (
     Crowd,
@@ -449,11 +448,11 @@ def entries_of_loop(
     model: ContactModel, forces: Sequence[Force], solvers: Mapping[str, type[Solver]], has_seams: bool, full: bool
 ) -> list[Entry]:
     """Return the kernels that the step loop of a run is known to need."""
-    entries = list(entries_of_parts(model, forces, has_seams).values())
+    entries = [gather, *entries_of_parts(model, forces, has_seams).values()]
     if isinstance(model, PairContact):
         model.check_pair()
     if model.along_the_way:
-        entries.append(sample_travel_times)
+        entries.append(find_travel_times)
     if model.law is None:
         entries += [driver.open_step, driver.set_clock, driver.prepare_step, driver.finish_step, driver.undo_step]
     else:

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray, pairs_of
-from evac.directions.fields import columns_of
-from evac.directions.sampling import sample_travel_times
+from evac.directions.sampling import column_of, sample_travel_time
+from evac.jit import Floats, Longs, kernel
 from evac.physics.state import Bodies, Crowd, State, World
 
 #: Places are rounded to a grid of 1 / PER_METRE [m], which repeats every 2**28 / PER_METRE = 4 km.
@@ -24,8 +24,7 @@ _SPREAD = (
 )
 
 
-#: Arrays of the bodies that are copied from the crowd at the start of a tick, and back at its end.
-_taken = attrgetter(*(name for name in Crowd.kinds if name in Bodies.kinds))
+#: Arrays of the bodies that are copied back to the crowd at the end of a tick.
 _written = attrgetter("position", "velocity", "level", "distance", "overlap", "mingled", "contact_force", "passing")
 
 
@@ -33,9 +32,18 @@ def rows_by_travel_time(world: World, crowd: Crowd) -> NDArray[np.int64]:
     """Return the rows of the people inside, the nearest to their destination first, ties in order of rows."""
     rows = np.flatnonzero(crowd.level >= 0)
     travel_time = np.empty(len(rows))
-    column = columns_of(world.fields, crowd.route[rows], crowd.contact_radius[rows])
-    sample_travel_times(world.fields, crowd.position.take(rows, 0), crowd.level[rows], column, travel_time)
+    find_travel_times(world, crowd, rows, travel_time)
     return rows[np.argsort(travel_time, kind="stable")]
+
+
+@kernel
+def find_travel_times(world: World, crowd: Crowd, rows: Longs, found: Floats) -> None:
+    """Write the travel times of people in some rows to `found` (n,) [s]."""
+    fields = world.fields
+    for k in range(len(rows)):
+        p = rows[k]
+        column = column_of(fields, crowd.route[p], crowd.contact_radius[p])
+        found[k] = sample_travel_time(fields, crowd.position[p, 0], crowd.position[p, 1], crowd.level[p], column)
 
 
 def rows_by_place(crowd: Crowd) -> NDArray[np.int64]:
@@ -53,22 +61,34 @@ def along_curve(position: FloatArray, level: IntArray) -> NDArray[np.int64]:
     return level.astype(np.int64) << 56 | bits[:, 0] << 1 | bits[:, 1]
 
 
+@kernel
 def gather(state: State, crowd: Crowd, inside: int) -> None:
     """Copy the people in ``bodies.row`` to the bodies, and reset the data of the previous tick."""
-    bodies = state.bodies
-    rows = bodies.row[:inside].astype(np.intp)
-    for given, kept in zip(_taken(crowd), _taken(bodies), strict=True):
-        given.take(rows, 0, kept[:inside], "clip")  # which, unlike "raise", writes without a buffer
-    bodies.column[:inside] = columns_of(state.world.fields, crowd.route[rows], bodies.contact_radius[:inside])
-    mass = 1.0 if state.traits.overdamped else bodies.mass[:inside]
-    bodies.inverse_mass[:inside] = 1.0 / mass / bodies.firmness[:inside]
-    bodies.lightest = 1.0 / bodies.inverse_mass[:inside].max(initial=1e-300)
-    bodies.smallest = bodies.contact_radius[:inside].min(initial=math.inf)
-    bodies.inside = inside
-    bodies.mingled[:inside] &= bodies.overlap[:inside] > 0.5 * bodies.smallest
-    bodies.overlap[:inside] = 0.0
+    bodies, fields = state.bodies, state.world.fields
+    lightest, smallest = 1e-300, math.inf
+    for b in range(inside):
+        p = bodies.row[b]
+        for k in range(2):
+            bodies.position[b, k], bodies.velocity[b, k] = crowd.position[p, k], crowd.velocity[p, k]
+            bodies.extra_direction[b, k], bodies.ahead[b, k] = crowd.extra_direction[p, k], crowd.ahead[p, k]
+        for k in range(3):
+            bodies.speed[b, k] = crowd.speed[p, k]
+        bodies.level[b], bodies.group[b], bodies.passing[b] = crowd.level[p], crowd.group[p], crowd.passing[p]
+        bodies.contact_radius[b], bodies.mass[b], bodies.tau[b] = crowd.contact_radius[p], crowd.mass[p], crowd.tau[p]
+        bodies.start_time[b], bodies.speed_factor[b] = crowd.start_time[p], crowd.speed_factor[p]
+        bodies.distance[b], bodies.contact_force[b] = crowd.distance[p], crowd.contact_force[p]
+        bodies.firmness[b] = crowd.firmness[p]
+        bodies.column[b] = column_of(fields, crowd.route[p], crowd.contact_radius[p])
+        bodies.inverse_mass[b] = 1.0 / (1.0 if state.traits.overdamped else bodies.mass[b]) / bodies.firmness[b]
+        lightest = max(lightest, bodies.inverse_mass[b])
+        smallest = min(smallest, bodies.contact_radius[b])
+        bodies.node[b] = -1
+    for b in range(inside):
+        p = bodies.row[b]
+        bodies.mingled[b] = 1 if crowd.mingled[p] and crowd.overlap[p] > 0.5 * smallest else 0
+        bodies.overlap[b] = 0.0
+    bodies.lightest, bodies.smallest, bodies.inside = 1.0 / lightest, smallest, inside
     bodies.relaxation_step = 0.0
-    bodies.node[:inside] = -1
     state.warm_start.number = 0
     state.contacts.separation_failed = 0
     state.lists.stale = 1
