@@ -448,7 +448,7 @@ def entries_of_loop(
     model: ContactModel, forces: Sequence[Force], solvers: Mapping[str, type[Solver]], has_seams: bool, full: bool
 ) -> list[Entry]:
     """Return the kernels that the step loop of a run is known to need."""
-    entries = [gather, *entries_of_parts(model, forces, has_seams).values()]
+    entries = [gather, scatter, *entries_of_parts(model, forces, has_seams).values()]
     if isinstance(model, PairContact):
         model.check_pair()
     if model.along_the_way:

@@ -1,12 +1,11 @@
 """The bodies of a tick: copied from the crowd and back, in the order of places, or of travel times to an exit."""
 
 import math
-from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray, IntArray, pairs_of
+from evac.base.arrays import FloatArray, IntArray
 from evac.directions.sampling import column_of, sample_travel_time
 from evac.jit import Floats, Longs, kernel
 from evac.physics.state import Bodies, Crowd, State, World
@@ -22,10 +21,6 @@ _SPREAD = (
     (2, 0x33333333333333),
     (1, 0x55555555555555),
 )
-
-
-#: Arrays of the bodies that are copied back to the crowd at the end of a tick.
-_written = attrgetter("position", "velocity", "level", "distance", "overlap", "mingled", "contact_force", "passing")
 
 
 def rows_by_travel_time(world: World, crowd: Crowd) -> NDArray[np.int64]:
@@ -95,10 +90,13 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
     state.events.number = 0
 
 
+@kernel
 def scatter(crowd: Crowd, bodies: Bodies) -> None:
     """Copy the results of the steps back to the crowd."""
-    rows = bodies.row[: bodies.inside].astype(np.intp)
-    for written, source in zip(_written(crowd), _written(bodies), strict=True):
-        if source.ndim == 2:
-            written, source = pairs_of(written), pairs_of(source)
-        written[rows] = source[: bodies.inside]
+    for b in range(bodies.inside):
+        p = bodies.row[b]
+        for k in range(2):
+            crowd.position[p, k], crowd.velocity[p, k] = bodies.position[b, k], bodies.velocity[b, k]
+        crowd.level[p], crowd.passing[p], crowd.mingled[p] = bodies.level[b], bodies.passing[b], bodies.mingled[b]
+        crowd.distance[p], crowd.overlap[p] = bodies.distance[b], bodies.overlap[b]
+        crowd.contact_force[p] = bodies.contact_force[b]
