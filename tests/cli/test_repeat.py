@@ -63,7 +63,7 @@ def test_half_the_step_is_shown_beside_the_interval(evac, tmp_path, capsys):
     assert change["high"] < 0.0
     bounds = rf"\{change['low']:+.2f} to \{change['high']:+.2f}"
     assert re.search(rf"change .*mean +\{change['value']:+.2f} +{bounds} +8 pairs", out)
-    assert re.search(r"evac: .*--set simulation\.step=0\.05", err)
+    assert re.search(r"evac: .*simulation\.step=0\.05", err)
     assert evac("report", "r") == 0
     assert f"{change['value']:+.2f} (" in (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
 

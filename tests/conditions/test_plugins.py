@@ -1,5 +1,6 @@
 """The documented plugins run: a law of the speed in smoke, and a cloud that moves through a car park."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,9 @@ EXAMPLES = Path(__file__).parents[2] / "docs/examples/conditions"
 
 
 @pytest.fixture
-def documented():
-    """Return the documented plugin file of a class."""
-    return lambda name: EXAMPLES / f"{name.lower()}.py"
+def documented(tmp_path):
+    """Return a copy of the documented plugin file of a class."""
+    return lambda name: Path(shutil.copy(EXAMPLES / f"{name.lower()}.py", tmp_path))
 
 
 def test_the_documented_law_has_ten_lines_and_conforms(documented):

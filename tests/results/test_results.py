@@ -55,8 +55,8 @@ def test_behaviours_that_keep_distances_are_recommended_where_none_is_in_use(mak
     pressed = Observation(3, 2.0, 8.0, 4.0, 6.0, 3, 4, 2.0, 5.0, (0.9, 0.2))
     loose = make_results(case=case, crushing=pressed, chatter=pressed)
     chatter, crushing = loose.quality_warnings
-    assert "(--set contact.model=stiff)" in chatter  # the model in use is not recommended
-    settings = "--set behaviours.walking={} or behaviours.headway={} or behaviours.gaps={}"  # that of new cases first
+    assert "contact.model=stiff)" in chatter  # the model in use is not recommended
+    settings = "behaviours.walking={} or behaviours.headway={} or behaviours.gaps={}"  # that of new cases first
     assert (settings in crushing) == (advised or values is False)
     assert loose.summary()["keeps_distance"] == ([] if advised or values is False else [name])
 

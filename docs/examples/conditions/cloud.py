@@ -17,7 +17,7 @@ class Cloud(ConditionSource):
 
     def at(self, quantities, time, level, position, height):
         """Return the extinction coefficient [1/m]."""
-        return 2.0 * np.exp(-((position[None, :, 0] - self.speeds * time) ** 2))
+        return 2.0 * np.exp(-((position[None, :, 0] - self.speed * time) ** 2))
 
 
 evac_interface = 3
