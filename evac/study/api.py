@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from evac.base.arguments import PATH, check_types
 from evac.base.errors import EvacError, PluginError, ResultError, ScenarioError, warn
+from evac.base.parameters import did_you_mean
 from evac.case.loading import as_case
 from evac.case.trust import run_plugin_files
 from evac.folder.files import RUNS_STREAM_NAME, STUDY_NAME
@@ -215,6 +216,8 @@ def execute_study(
 
 def _warned(chosen: Sequence[Point], runs: int | None, options: StudyOptions) -> Study:
     """Run the study of some points, and warn of building and people of its first run, and of what came out."""
+    for name in options.keys() - StudyOptions.__annotations__.keys():
+        raise ScenarioError(f"{name}: no such argument; {did_you_mean(name, [*StudyOptions.__annotations__])}")
     with suppress(EvacError):  # the study tells why the run is refused
         warn(simulation_of(chosen[0].case, will_run=False).warnings(), 4)
     study = execute_study(chosen, runs, **options)

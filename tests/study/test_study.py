@@ -370,3 +370,9 @@ def test_a_task_that_an_executor_does_not_execute_ends_the_study(case, error, wo
 
     with pytest.raises(SimulationError, match=rf"simulation.seed = \d.*{words}.*--resume"):
         evac.repeat(case, 3, executor=Executor())
+
+
+@pytest.mark.parametrize("study", [evac.repeat, lambda case, **options: evac.sweep(case, {}, **options)])
+def test_an_unknown_argument_is_told_with_what_is_like_it(case, study):
+    with pytest.raises(ScenarioError, match=r"workrs.*'workers'"):
+        study(case, workrs=1)
