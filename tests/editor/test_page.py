@@ -201,14 +201,14 @@ def test_a_plan_that_takes_long_to_paint_is_moved_as_a_picture(page):
 
 def test_findings_appear_while_one_draws_and_lead_to_their_place(page):
     page.click((8.1, 2.5))
-    assert page.text("#inspector h2") == "Door door"
+    assert page.text("#inspector h2") == "Door"
     page.type("Width", "40")
     page.judged()
     assert page.text("#verdict") == "Cannot be run: 1 error"
     page.run("editor.act.goTo('first')")
     page.run("document.querySelector('#findings .error').click()")
     assert page.run("editor.view.storey") == "ground"
-    assert page.text("#inspector h2") == "Door door"
+    assert page.text("#inspector h2") == "Door"
     page.type("Width", "1.1")
     page.judged()
     assert page.text("#verdict") == "Can be run"

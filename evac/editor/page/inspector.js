@@ -47,7 +47,7 @@ class Inspector {
     if (!row) return box.replaceChildren(node("h2", "Nothing is selected"));
     if (!selected && document.body.classList.contains("fixed")) return box.replaceChildren(node("h2", `Storey ${row.name}`), node("p", "This building is no plan: it is shown, and cannot be drawn on here"));
     const { section } = ref, isGround = ref.part !== undefined, what = selected ? singular(section) : "storey", commit = (next) => this.store.commit(next);
-    const set = (key) => (value) => commit(this.table.put(ref, key, value)), isOfCase = [...CASE, "case"].includes(section), isNamed = !isGround && !["behaviours", "case"].includes(section), parts = [node("h2", `${capital(what)} ${row.name ?? (isNamed ? "" : ref.index ?? "")}`)];
+    const set = (key) => (value) => commit(this.table.put(ref, key, value)), isOfCase = [...CASE, "case"].includes(section), isNamed = !isGround && !["behaviours", "case"].includes(section), parts = [node("h2", heading(what, row.name ?? (isNamed ? "" : ref.index ?? "")))];
     if (isNamed) parts.push(this.field("Name", row.name, TEXT, (name) => { if (name && name !== row.name) { if (what === "storey") this.act.renamed(name); commit(this.table.rename(ref, name)); } }));
     if (isOfCase) parts.push(...this.forms.fieldsOf(ref, row));
     else if (!isGround) for (const [key, [label, kind]] of Object.entries(FIELDS[section])) parts.push(this.field(label, row[key], kind, set(key)));

@@ -112,7 +112,7 @@ async function start() {
       const ref = all[(now + by + all.length) % all.length], row = store.now.row(ref), at = view.lineOf(ref, row)?.[0] ?? store.now.rings(ref)[0]?.[0];
       act.select(ref);
       if (at) view.reveal(at);
-      act.say(`${capital(singular(ref.section))} ${row.name ?? ""}`);
+      act.say(heading(singular(ref.section), row.name ?? ""));
     },
 
     nextPart() {

@@ -16,6 +16,8 @@ const TOOLS = {
   picture: { key: "p", points: 2, hint: "Drag the picture where it belongs; click on two points of it, then type the length between them" },
 };
 const singular = (section) => ({ rooms: "room", storeys: "ground", shafts: "stair", stairs: "stair", areas: "area", obstacles: "obstacle", doors: "door", exits: "exit", openings: "opening", people: "group", event: "event", phase: "phase", compartment: "compartment", behaviours: "behaviour", case: "table" })[section];
+// A name that begins with the kind says the kind already: "Door 2", not "Door door 2".
+const heading = (what, name) => `${name} `.startsWith(`${what} `) ? capital(name) : `${capital(what)} ${name}`;
 const rectangle = ([x1, y1], [x2, y2]) => [[Math.min(x1, x2), Math.min(y1, y2)], [Math.max(x1, x2), Math.min(y1, y2)], [Math.max(x1, x2), Math.max(y1, y2)], [Math.min(x1, x2), Math.max(y1, y2)]];
 
 class Tools {
