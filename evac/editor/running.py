@@ -92,9 +92,9 @@ class Command:
 class Runner(Command):
     """Starts and stops `evac run` and `evac report`, and tells what is in their folder, whoever has written it."""
 
-    def __init__(self, case_file: Path, folder: Path) -> None:
+    def __init__(self, case_file: Path, plan_file: Path | None, folder: Path) -> None:
         super().__init__(folder)
-        self.case_file = case_file
+        self.case_file, self._sources = case_file, [case_file, *([plan_file] if plan_file is not None else [])]
         self._trajectory: Trajectory | None = None
         self._first: tuple[float, Progress] | None = None  # when it was seen [s], and what
         self._ended: tuple[Any, dict[str, Any]] = (None, {})
@@ -127,7 +127,8 @@ class Runner(Command):
             return {"phase": "none"}
         if written != self._ended[0]:
             self._ended = written, self._outcome()
-        return self._ended[1]
+        changed = max((path.stat().st_mtime_ns for path in self._sources if path.exists()), default=0)
+        return self._ended[1] | {"is_old": changed > written[0]}
 
     def _files(self) -> list[str]:
         manifest = read_manifest(self.folder)

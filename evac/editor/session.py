@@ -92,7 +92,7 @@ class Session:
             elif case.building.plan is None:
                 self._floors = floors_of(make_building(case))
             result = result or Path(f"{case.name}-result")
-            self.runner = Runner(case.source, result)
+            self.runner = Runner(case.source, case.mesh, result)
             self.designs = Designs(case.source, result.with_name(f"{result.name.removesuffix('-result')}-runs"))
         self.told: dict[str, Any] = {"run": {"phase": "none"}, "designs": {"designs": []}}  # last
         self.pictures = Pictures(self.file)

@@ -224,6 +224,12 @@ def test_the_case_is_saved_and_run_and_its_people_are_seen(page):
     assert page.text("#run-verdict") == results.verdict["text"]
     assert page.text("#answer").splitlines() == results.answer.lines()[1:]
     assert page.text("#run") == "Run"
+    assert page.run("document.getElementById('run-old').hidden")
+    page.type("Width", "1.3")
+    assert not page.run("document.getElementById('run-old').hidden")
+    assert page.run("editor.act.save()")  # the file is newer than the result
+    page.browser.wait("editor.running.state.is_old", 10)
+    assert not page.run("document.getElementById('run-old').hidden")
     page.browser.send("Page.navigate", {"url": page.run("document.querySelector('#results a').href") + "#time=5"})
     page.browser.wait("Number(document.getElementById('slider').value) === 5")
 

@@ -22,7 +22,7 @@ def runners(house, tmp_path):
     made = []
 
     def making():
-        made.append(Runner(house / "case.toml", tmp_path / "result"))
+        made.append(Runner(house / "case.toml", house / "house.plan.toml", tmp_path / "result"))
         return made[-1]
 
     yield making

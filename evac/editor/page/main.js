@@ -191,6 +191,7 @@ async function start() {
     by("redo").disabled = !store.future.length;
     by("saved").textContent = store.isChanged ? "Not saved" : "Saved";
     by("saved").className = store.isChanged ? "changed" : "";
+    running.mark(store.isChanged);
     document.title = `${store.isChanged ? "• " : ""}${opened.title} – evac edit`;
   }
 

@@ -34,11 +34,20 @@ class Running {
     }
     by("run").textContent = this.isOn ? "Stop" : "Run";
     by("run-text").textContent = { none: "Not run yet", running: text, failed: "The run has failed", ended: `Result of ${when}` }[phase];
+    this.mark();
     by("run-verdict").className = phase === "failed" ? "error" : status;
     by("run-verdict").textContent = phase === "running" ? "" : first;
     by("answer").replaceChildren(...answer.slice(1).map((line) => node("li", line)));
     by("report").hidden = phase !== "ended" || files.includes("report.html");
     by("results").replaceChildren(...files.map((name) => node("a", capital(name.replace(".html", "")), { href: `result/${name}`, target: "_blank", rel: "noopener" })));
     by("run-box").dataset.phase = phase;
+  }
+
+  // A result is of what was drawn when it was made.
+  mark(isChanged = this.isChanged) {
+    this.isChanged = isChanged;
+    const isOld = this.state.phase === "ended" && (isChanged || this.state.is_old);
+    by("run-old").hidden = !isOld;
+    by("run-box").classList.toggle("old", isOld);
   }
 }
