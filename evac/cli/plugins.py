@@ -208,23 +208,8 @@ def _show_cache() -> None:
             "size": f"{sum(sizes) / 1e6:.2f} MB",
             "compiled by": versions().rpartition(",")[0],
             "compiled for": host().name,
-            "kernels in the wheel": _shipped(),
         }
     )
-
-
-def _shipped() -> str:
-    """Return the number of kernels in the wheel, and whether they are used."""
-    from evac.jit.digest import versions
-    from evac.jit.loading import SHIPPED, generic, missing_features
-
-    kernels = len(SHIPPED.entries())
-    if not kernels:
-        return "none"
-    about = json.loads((SHIPPED.folder / "about.json").read_text(encoding="utf-8"))
-    fits = (about["triple"], about["versions"]) == (generic().triple, versions()) and not missing_features()
-    compiled_by = about["versions"].rpartition(",")[0]
-    return f"{kernels} for {about['processor']} by {compiled_by}, {'used' if fits else 'not used'}"
 
 
 def all_entries() -> "list[Entry]":

@@ -33,7 +33,7 @@ from evac.base.errors import PluginError, fault
 from evac.jit.digest import kernels_in
 from evac.jit.instructions import BUILTINS, type_of
 from evac.jit.kernels import NOTE_RAISED, Entry, Kernel
-from evac.jit.loading import Processor, host
+from evac.jit.loading import host
 
 # numba reads this file before each compilation. One of the current folder must not decide what is compiled.
 numba.core.config._config_fname = os.devnull
@@ -75,21 +75,17 @@ class _Codegen(codegen.AOTCPUCodegen):  # type: ignore[misc]
 
     _library_class = _Library
 
-    def __init__(self, processor: Processor) -> None:
-        self.processor = processor
-        super().__init__("evac")
-
     def _customize_tm_options(self, options: dict[str, Any]) -> None:
-        options.update(self.processor.options(), opt=OPTIMISATION)
+        options.update(host().options(), opt=OPTIMISATION)
 
     def _customize_tm_features(self) -> str:
-        return self.processor.features
+        return host().features
 
 
 @lru_cache
-def _codegen(processor: Processor) -> _Codegen:
-    """Return the code generator for a processor; its input is the same for all processors."""
-    return _Codegen(processor)
+def _codegen() -> _Codegen:
+    """Return the code generator, which is made once."""
+    return _Codegen("evac")
 
 
 class _Context(cpu.CPUContext):  # type: ignore[misc]
@@ -107,7 +103,7 @@ class _Context(cpu.CPUContext):  # type: ignore[misc]
 
     def init(self) -> None:
         super().init()
-        self._internal_codegen = _codegen(host())
+        self._internal_codegen = _codegen()
 
     def get_function(self, fn: Any, sig: Any, _firstcall: bool = True) -> Any:
         """Also find functions compiled by numba itself: functions under ``numba.njit``, and NumPy functions."""
@@ -250,8 +246,8 @@ def _without_collections() -> Generator[None, None, None]:
 
 @global_compiler_lock  # type: ignore[untyped-decorator]
 @_without_collections()
-def compile_entry(entry: Entry, symbol: str, processor: Processor) -> bytes:
-    """Compile a kernel for a processor; return its object code, in which it has the name `symbol`."""
+def compile_entry(entry: Entry, symbol: str) -> bytes:
+    """Compile a kernel; return its object code, in which it has the name `symbol`."""
     arguments = [type_of(kind) for _, kind in entry.signature[0]]
     compiling = numba.typeof(entry).dispatcher
     try:
@@ -261,11 +257,11 @@ def compile_entry(entry: Entry, symbol: str, processor: Processor) -> bytes:
             raise
         for part in kernels_in(entry):
             if isinstance(part, Entry) and part is not entry:
-                compile_entry(part, f"{symbol}_part", processor)  # raises if the mistake is there
+                compile_entry(part, f"{symbol}_part")  # raises if the mistake is there
         raise _refused(entry, error) from None
     result = compiling.overloads[tuple(arguments)]
     _check_result(entry, result.fndesc.restype)
-    library = _codegen(processor).create_library(symbol)
+    library = _codegen().create_library(symbol)
     library.add_ir_module(_wrapper(compiling.targetctx, result.fndesc, arguments, entry, symbol))
     library.add_linking_library(result.library)
     module = library.whole()

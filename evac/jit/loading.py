@@ -30,12 +30,6 @@ from evac.jit.store import Store, user_store
 #: Least version of numba, and the least that is too new: the compiler builds on the inside of those between them.
 NUMBA = (0, 62), (0, 69)
 
-#: Level of x86-64 that kernels in a wheel are compiled for: AVX2 and fused multiply-add, but not AVX-512.
-GENERIC = "x86-64-v3"
-
-#: Features of processors of that level beyond the baseline, and features that imply them, by their LLVM names.
-_GENERIC_FEATURES = "avx2 bmi bmi2 cx16 f16c fma lzcnt movbe popcnt sahf sse4.2 xsave"
-
 
 def cores() -> int:
     """Return the number of processors that this process may use."""
@@ -61,21 +55,6 @@ class Processor:
 def host() -> Processor:
     """Return this machine's processor."""
     return Processor(llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
-
-
-def generic() -> Processor:
-    """Return the processor of the kernels in a wheel: x86-64-v3, or the baseline of other architectures."""
-    triple = llvm.get_process_triple()
-    return Processor(triple, GENERIC if triple.startswith("x86_64") else "generic", "")
-
-
-@lru_cache
-def missing_features() -> tuple[str, ...]:
-    """Return the features of the generic processor that this machine does not have."""
-    if generic().name != GENERIC:
-        return ()
-    has = llvm.get_host_cpu_features()
-    return tuple(feature for feature in _GENERIC_FEATURES.split() if not has.get(feature))
 
 
 #: Called with the number of finished kernels and the total number.
@@ -106,9 +85,6 @@ class Compilation(NamedTuple):
         return self.entry.label.replace("<", "").replace(">", "")
 
 
-#: Kernels in the wheel, compiled for the generic processor.
-SHIPPED = Store(Path(__file__).parents[1] / "kernels", is_shipped=True)
-
 _lock = threading.RLock()
 
 _addresses: dict[str, int] = {}
@@ -138,18 +114,16 @@ def addresses_of(entries: Iterable[Entry], progress: Compiling | None = None) ->
             code = store.read(task.file_name, task.digest) if store else None
             if code is not None:
                 _load(task, code)
-            elif not _load_shipped(entry):
+            else:
                 is_twin = task.digest in (other.digest for other in missing)
                 (twins if is_twin else missing).append(task)
         if missing:
-            compile_missing(missing, host(), store, progress)
+            _compile_missing(missing, store, progress)
         for task in twins:
             task.entry.bind(_addresses[task.symbol])
 
 
-def compile_missing(
-    missing: list[Compilation], processor: Processor, store: Store | None, progress: Compiling | None = None
-) -> None:
+def _compile_missing(missing: list[Compilation], store: Store | None, progress: Compiling | None) -> None:
     """Compile kernels into a store, load them, and remove old files."""
     if store is None:
         warnings.warn(
@@ -157,23 +131,11 @@ def compile_missing(
             CacheWarning,
             stacklevel=2,
         )
-    with closing(compile_tasks(missing, processor, store, progress)) as compiled:
+    with closing(compile_tasks(missing, store, progress)) as compiled:
         for task, code in compiled:
-            if processor == host():
-                _load(task, code)
+            _load(task, code)
     if store is not None:
         store.prune()
-
-
-def _load_shipped(entry: Entry) -> bool:
-    """Load a kernel of the wheel, if it contains one that this machine can run."""
-    if not SHIPPED.folder.is_dir() or missing_features():
-        return False
-    task = Compilation(entry, digest_of(entry, f"{generic()}"))
-    code = SHIPPED.read(task.file_name, task.digest)
-    if code is not None:
-        _load(task, code)
-    return code is not None
 
 
 def _load(task: Compilation, code: bytes) -> None:
@@ -187,7 +149,7 @@ def _load(task: Compilation, code: bytes) -> None:
 
 
 def compile_tasks(
-    tasks: Sequence[Compilation], processor: Processor, store: Store | None, progress: Compiling | None = None
+    tasks: Sequence[Compilation], store: Store | None, progress: Compiling | None = None
 ) -> Generator[tuple[Compilation, bytes], None, None]:
     """Compile kernels, in the estimated optimal number of processes, and yield each with its object code."""
     left = dict.fromkeys(tasks)
@@ -200,8 +162,8 @@ def compile_tasks(
     importable = [task for task in tasks if _source(task.entry)]
     *shares, own = divide(importable, min(cores(), len(importable)))
     with ExitStack() as ending:
-        elsewhere = _start_elsewhere(shares, processor, store, ending)
-        here, rest = (_compiled(some, processor, store) for some in (own, left))
+        elsewhere = _start_elsewhere(shares, store, ending)
+        here, rest = (_compiled(some, store) for some in (own, left))
         for task, code in chain(here, _gather(elsewhere, store, tell), rest):
             del left[task]
             yield task, code
@@ -238,18 +200,16 @@ def _source(entry: Entry) -> str | None:
     return str(Path(file).absolute()) if file and entry.__module__ != "__main__" else None
 
 
-def _compiled(
-    tasks: Iterable[Compilation], processor: Processor, store: Store | None
-) -> Generator[tuple[Compilation, bytes], None, None]:
+def _compiled(tasks: Iterable[Compilation], store: Store | None) -> Generator[tuple[Compilation, bytes], None, None]:
     """Compile the kernels that there are when the first is asked for, and yield each with its object code."""
     for task in list(tasks):
-        code, problem = _compile_here(task, processor, store)
+        code, problem = _compile_here(task, store)
         if problem:
             _warn(store, problem)
         yield task, code
 
 
-def _compile_here(task: Compilation, processor: Processor, store: Store | None) -> tuple[bytes, str]:
+def _compile_here(task: Compilation, store: Store | None) -> tuple[bytes, str]:
     """Compile and store a kernel; return its object code, and the reason if it could not be stored."""
     found = version("numba")
     if not NUMBA[0] <= tuple(map(int, found.split(".")[:2])) < NUMBA[1]:
@@ -258,7 +218,7 @@ def _compile_here(task: Compilation, processor: Processor, store: Store | None) 
     with chdir(Path(__file__).parent):  # numba reads settings from a file of the current folder
         from evac.jit.compiler import compile_entry
 
-    code = compile_entry(task.entry, task.symbol, processor)
+    code = compile_entry(task.entry, task.symbol)
     if store is not None:
         try:
             store.write(task.file_name, task.digest, code)
@@ -273,7 +233,7 @@ def _warn(store: Store | None, problem: str) -> None:
 
 
 def _start_elsewhere(
-    shares: Sequence[Sequence[Compilation]], processor: Processor, store: Store | None, ending: ExitStack
+    shares: Sequence[Sequence[Compilation]], store: Store | None, ending: ExitStack
 ) -> dict[Future[tuple[bytes, str]], Compilation]:
     """Start the compilation of each share in a worker process, which `ending` ends; fewer if none can be started."""
     from evac.base.processes import Pool
@@ -285,7 +245,7 @@ def _start_elsewhere(
             pool = ending.enter_context(Pool(1, is_quiet=True))
             for task in share:
                 where = task.entry.__module__, _source(task.entry) or "", task.entry.label, task.digest
-                futures[pool.submit(_compile_there, where, processor, folder)] = task
+                futures[pool.submit(_compile_there, where, folder)] = task
     return futures
 
 
@@ -311,13 +271,13 @@ def _gather(
 # Worker process
 
 
-def _compile_there(where: tuple[str, str, str, str], processor: Processor, folder: Path | None) -> tuple[bytes, str]:
+def _compile_there(where: tuple[str, str, str, str], folder: Path | None) -> tuple[bytes, str]:
     """Compile and store the kernel of a module, file, label and digest; see `_compile_here`."""
-    entry = _find(*where, processor)
-    return _compile_here(Compilation(entry, where[-1]), processor, Store(folder) if folder else None)
+    entry = _find(*where)
+    return _compile_here(Compilation(entry, where[-1]), Store(folder) if folder else None)
 
 
-def _find(module: str, file: str, label: str, digest: str, processor: Processor) -> Entry:
+def _find(module: str, file: str, label: str, digest: str) -> Entry:
     """Import a module as in the parent process, and return its kernel with the given digest."""
     if module not in sys.modules:
         spec = importlib.util.find_spec(module)
@@ -330,6 +290,6 @@ def _find(module: str, file: str, label: str, digest: str, processor: Processor)
             sys.modules[module] = importlib.util.module_from_spec(spec)
             spec.loader.exec_module(sys.modules[module])
     for entry in entries_of(sys.modules[module]):
-        if entry.label == label and digest_of(entry, f"{processor}") == digest:
+        if entry.label == label and digest_of(entry, f"{host()}") == digest:
             return entry
     raise LookupError(f"{label}: differs in this process")

@@ -57,17 +57,9 @@ _warned: set[tuple[Path, str]] = set()
 
 @dataclass(frozen=True)
 class Store:
-    """A folder of object code.
-
-    Attributes
-    ----------
-    folder : Path
-    is_shipped : bool
-        Whether the folder is part of an installed wheel and must not be changed.
-    """
+    """A folder of object code."""
 
     folder: Path
-    is_shipped: bool = False
 
     def path(self, name: str, digest: str) -> Path:
         """Return the path of the object code of a kernel."""
@@ -77,9 +69,9 @@ class Store:
         """Return object code, or None if there is none; a damaged file is removed, with one warning."""
         path = self.path(name, digest)
         try:
-            if not self.is_shipped and exposure(self.folder):
+            if exposure(self.folder):
                 return None  # the compiled code cannot be stored either, which causes a warning
-            problem = "" if self.is_shipped else exposure(path)
+            problem = exposure(path)
             content = b"" if problem else path.read_bytes()
         except (FileNotFoundError, NotADirectoryError):
             return None
@@ -90,12 +82,11 @@ class Store:
         code = content[start:]
         if content[:start] == _MAGIC + _checksum(digest, code):
             with suppress(OSError):  # a read-only folder
-                if not self.is_shipped and _age(path) > 86400.0:
+                if _age(path) > 86400.0:
                     os.utime(path)  # so that it is not removed as old
             return code
-        if not self.is_shipped:
-            with suppress(OSError):
-                path.unlink()
+        with suppress(OSError):
+            path.unlink()
         problem = problem or "is damaged"
         self.warn("damaged", f"{path}: {problem}; such kernels are compiled again")
         return None

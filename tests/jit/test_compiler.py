@@ -52,7 +52,7 @@ def codes_of(entries):
     for entry in entries:
         task = Compilation(entry, digest_of(entry, f"{host()}"))
         kept = store.read(task.file_name, task.digest) if store else None
-        codes[entry.label] = kept or compile_entry(entry, task.symbol, host())
+        codes[entry.label] = kept or compile_entry(entry, task.symbol)
     return codes
 
 
@@ -93,7 +93,7 @@ def second(x: float) -> float:
 @pytest.mark.skipif(sys.platform != "linux", reason="object code of other systems is no ELF")
 def test_functions_of_kernels_are_within_their_own_code():
     for entry in (first, second):
-        assert needed_by(compile_entry(entry, "evac_test", host())) == {"exp"}
+        assert needed_by(compile_entry(entry, "evac_test")) == {"exp"}
     assert (first(0.0), second(0.0)) == (2.0, 4.0)
 
 

@@ -18,8 +18,7 @@ from evac.contract.registry import _module_of
 from evac.jit import loading, store
 from evac.jit.digest import digest_of
 from evac.jit.kernels import entries_of
-from evac.jit.loading import Compilation, addresses_of, compile_tasks, divide, generic, host
-from evac.jit.store import Store
+from evac.jit.loading import Compilation, addresses_of, compile_tasks, divide, host
 
 SOURCE = """
     from evac.jit import Floats, inner, kernel
@@ -159,9 +158,9 @@ def test_what_is_on_disk_is_not_compiled(plugin, own_cache):
 
 def test_the_machine_code_does_not_depend_on_where_it_is_compiled(plugin, processes):
     tasks = [Compilation(entry, digest_of(entry, f"{host()}")) for entry in entries_of(plugin)]
-    elsewhere = dict(compile_tasks(tasks, host(), None))
+    elsewhere = dict(compile_tasks(tasks, None))
     assert len(processes) == 1
-    here = {task: loading._compile_here(task, host(), None)[0] for task in reversed(tasks)}
+    here = {task: loading._compile_here(task, None)[0] for task in reversed(tasks)}
     assert elsewhere == here
 
 
@@ -199,22 +198,6 @@ def test_a_damaged_kernel_is_compiled_again(plugin, own_cache):
         addresses_of([plugin.difference])
     assert path.read_bytes() == whole
     _check(plugin)
-
-
-def test_kernels_of_a_wheel_are_used_where_the_processor_fits(plugin, monkeypatch, tmp_path, own_cache):
-    shipped = Store(tmp_path / "shipped", is_shipped=True)
-    tasks = [Compilation(entry, digest_of(entry, f"{generic()}")) for entry in entries_of(plugin)]
-    loading.compile_missing(tasks, generic(), Store(shipped.folder))
-    assert not own_cache.exists()
-    monkeypatch.setattr(loading, "SHIPPED", shipped)
-    told = []
-    addresses_of([plugin.total, plugin.difference], lambda *numbers: told.append(numbers))
-    assert not told
-    _check(plugin)
-    monkeypatch.setattr(loading, "missing_features", lambda: ("avx2",))
-    addresses_of([plugin.product], lambda *numbers: told.append(numbers))
-    assert told
-    assert len(list(own_cache.iterdir())) == 1
 
 
 def test_kernels_are_divided_by_what_they_take(plugin, monkeypatch):

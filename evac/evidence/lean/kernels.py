@@ -10,7 +10,6 @@ from evac.case.loading import load_case
 from evac.evidence.evidence import Evidence, Row, in_fresh_process
 from evac.evidence.verdicts import reported
 from evac.jit.kernels import entries_of
-from evac.jit.loading import host
 from evac.simulation.simulation import Simulation
 
 #: Simulated time after which a scene has loaded all kernels that it needs [s].
@@ -74,7 +73,7 @@ def loaded(name: str, overrides: Mapping[str, Any], full: bool, first: Sequence[
     seconds = {}
     for entry in sorted(entries, key=lambda entry: (entry.label not in first, entry.label)):
         start = time.process_time()
-        code = compile_entry(entry, "timed", host())
+        code = compile_entry(entry, "timed")
         seconds[entry.label] = time.process_time() - start, len(code)
     return {"kernels": seconds, "functions": len(compiled_functions()), "before": before}
 
