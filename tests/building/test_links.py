@@ -2,9 +2,12 @@
 
 import networkx
 import pytest
+from shapely import box
 
+from evac.base.change import Control
 from evac.base.errors import BuildingError, EvacError, ResultError
-from evac.building.model.links import close_links, levels_reaching, ways_onto
+from evac.building.model.links import close_links, levels_reaching, ways_onto, with_controls
+from evac.building.plan.plan import Plan
 from evac.case.loading import load_case
 from evac.simulation.simulation import Simulation
 from tests.three_storeys import three_storeys
@@ -25,6 +28,22 @@ def test_exits_portals_and_stairs_are_closed_by_name(building):
     assert [closed.is_open(link) for link in (west, east, *building.portals)] == [False, True, True, False]
     closed = close_links(building, ["stair 1"])
     assert [closed.is_open(link) for link in (west, east, *building.portals)] == [True, True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("name", "ends"),
+    [
+        ("west 0", ["low - west 0", "west 0 - middle"]),
+        ("west", ["low - west 0", "middle - west 1", "west 0 - middle", "west 1 - high"]),
+    ],
+)
+def test_a_stair_and_a_shaft_let_people_through_at_their_ends(name, ends):
+    plan = Plan()
+    for row, storey in enumerate(["low", "middle", "high"]):
+        plan.storey(storey, box(0, 0, 10, 10), z=3.0 * row)
+    plan.shaft("west", "low", "high", [(2, 2), (3.2, 2)], length=2.4, direction=(0, 1), turn="right")
+    building = with_controls(plan.building(need_exit=False), {name: Control(every=1.0)})
+    assert sorted(building.links[link].name for link in building.controlled) == ends
 
 
 def test_what_is_cut_off_is_warned_of(building):

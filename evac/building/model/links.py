@@ -144,7 +144,8 @@ def _replaced(pairs: frozenset[tuple[int, Any]], links: Collection[int], new: se
 def with_controls(building: Building, controls: Mapping[str, Control | None]) -> Building:
     """Return a building with controls of links by name, None for no control."""
     for name, control in controls.items():
-        links = links_named(building, name)
+        pieces = set(building.pieces_of(name))  # a stair lets people through at its ends, not between its pieces
+        links = {link for link in links_named(building, name) if not pieces.issuperset(building.links[link].levels)}
         new = set() if control is None else {(link, control) for link in links}
         building = replace(building, controls=_replaced(building.controls, links, new))
     return building
