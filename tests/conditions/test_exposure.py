@@ -98,19 +98,6 @@ def test_people_who_are_stopped_stay_and_are_passed_and_the_run_ends_without_the
     assert read.exit_status == 3
 
 
-def test_a_run_in_smoke_is_resumed_with_the_same_bits(tmp_path):
-    case = stop_in_the_middle()
-    simulation, halfway = Simulation(case), Simulation(case)
-    for _ in range(30):
-        halfway.advance_tick()
-    other = Simulation(case)
-    other.restore(halfway.state())
-    whole, rest = simulation.run(), other.run()
-    assert_same_bits(simulation, other)
-    for name, values in whole.exposure.items():
-        np.testing.assert_array_equal(values, rest.exposure[name])
-
-
 def before_a_door(folder, model, walking, strategy="fastest"):
     """Return a case of people who leave by a door before which gases of slices of FDS stop one of them at once."""
 

@@ -102,18 +102,6 @@ def test_smoke_that_closes_one_of_two_ways_sends_people_to_the_other():
     assert results.ended == "everybody out"
 
 
-@pytest.mark.parametrize("strategy", ["fastest", "quickest"])
-def test_a_run_is_resumed_in_the_middle_of_smoke_with_the_same_bits(strategy):
-    changes = {"smoke.period": 1.0, "people.p.strategy": strategy, "people.p.speed": 0.8}
-    case = two_ways(smoke("west", 0.0, 0.0, 3.0, times=[0, 2, 4]), **changes)
-    whole, first, rest = Simulation(case), Simulation(case), Simulation(case)
-    run_ticks(first, 45)
-    assert first.scene.smoky is not None
-    rest.restore(first.state())
-    assert_same_bits(run_ticks(whole, 140), run_ticks(rest, 95))
-    assert whole.results().conditions["routes"]["solves"] == rest.results().conditions["routes"]["solves"]
-
-
 def test_a_door_that_closes_in_smoke_leaves_the_ways_of_smoke():
     event = {"kind": "close", "target": "far", "time": 3.0}
     case = two_ways(smoke("west", 2.0), event=[event])

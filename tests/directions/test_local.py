@@ -9,7 +9,6 @@ from evac.directions.build import build_fields
 from evac.directions.local import CROWDED, LocalWays
 from evac.directions.routes import Route
 from evac.simulation.simulation import Simulation
-from tests.runs import assert_same_bits, run_ticks
 
 FASTEST = Route((), "fastest")
 
@@ -134,14 +133,6 @@ def corner(**changes):
         "output": {"picture": False, "replay": False},
     }
     return evac.load(table, changes)
-
-
-def test_a_run_that_is_resumed_goes_round_the_crowd_with_the_same_bits():
-    first = run_ticks(Simulation(corner()), 70)
-    assert [key for key in first.state() if "column" in key]
-    second = Simulation(corner())
-    second.restore(first.state())
-    assert_same_bits(run_ticks(first, 40), run_ticks(second, 40))
 
 
 def test_people_use_the_width_of_a_corner():

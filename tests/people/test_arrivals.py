@@ -6,7 +6,6 @@ import pytest
 import evac
 from evac.base.errors import ScenarioError
 from evac.simulation.simulation import Simulation
-from tests.runs import assert_same_bits, run_ticks
 
 FLOOR = [[0, 0], [14, 0], [14, 8], [0, 8]]
 TRAIN = {"name": "train", "arrive": {"times": [3.0] * 12 + [20.0]}, "area": "lift", "exits": ["main"]}
@@ -107,16 +106,6 @@ def test_nobody_is_put_upon_others_and_who_finds_no_place_waits_outside(model):
     assert results.not_arrived == results.waiting_outside > 10
     assert results.exit_status == 3
     assert any(f"{results.waiting_outside} of them found no free place" in line for line in results.remarks)
-
-
-def test_a_resumed_run_lets_the_same_people_in_at_the_same_places():
-    one, other = (Simulation(hall(TRAIN, GATE, STAFF)) for _ in range(2))
-    run_ticks(one, 45)
-    assert np.isnan(one.population.crowd.arrival_time).any()
-    other.restore(one.state())
-    for simulation in (one, other):
-        simulation.run()
-    assert_same_bits(one, other)
 
 
 def test_a_closed_gate_lets_nobody_in_until_it_opens():

@@ -10,7 +10,7 @@ from evac.base.errors import PluginError, ResultError, ScenarioError
 from evac.conformance import check_plugin
 from evac.results.ending import Stopped
 from evac.simulation.simulation import Simulation
-from tests.runs import assert_same_bits, run_ticks
+from tests.runs import run_ticks
 
 SMOKE = """
     import numpy as np
@@ -86,19 +86,6 @@ def test_a_field_slows_people_and_is_seen_by_others_but_written_by_none(smoky):
     with pytest.raises(ValueError, match="read-only"):
         field.values[:] = 0.0
     assert simulation.population.crowd.speed_factor.min() == pytest.approx(np.exp(-0.2))
-
-
-def test_a_run_goes_on_to_the_same_bits_with_its_field_and_changes_to_come(smoky):
-    one, other = Simulation(smoky()), Simulation(smoky())
-    run_ticks(one, 10)
-    other.restore(one.state())
-    for simulation in (one, other):
-        run_ticks(simulation, 15)
-    assert_same_bits(one, other)
-    values = [simulation.scene.fields_of_behaviours["smoke"].values for simulation in (one, other)]
-    assert np.array_equal(*values)
-    assert one.scene.changes == other.scene.changes == [evac.Change(one.scene.changes[0].time, "close", "back")]
-    assert one.scene.changes[0].time == pytest.approx(1.5)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ from evac.people.outside import REACH, PeopleOutside
 from evac.physics.state import make_crowd
 from evac.simulation.simulation import Simulation
 from tests.physics.scenes import make_building
-from tests.runs import assert_same_bits, run_ticks
 from tests.validation.buildings import across, rectangle, write_case
 
 DOOR = (2.0, -1.0, 2.0, 1.0)
@@ -177,22 +176,6 @@ def test_the_flow_through_a_door_is_that_with_ground_behind_it():
     """Three runs each; without those who have left the exit at the door passes half as many more."""
     at_the_door, beyond = (np.mean([flow(seed, depth) for seed in (1, 2, 3)]) for depth in (0.0, 2.5))
     assert at_the_door == pytest.approx(beyond, rel=0.1)
-
-
-def test_a_run_resumed_while_people_are_outside_has_the_same_bits():
-    whole = run_ticks(Simulation(hall(1, 0.0)), 60)
-    state = whole.state()
-    assert np.count_nonzero(whole.outside.arrays.level >= 0) > 2
-    resumed = Simulation(hall(1, 0.0))
-    resumed.restore(state)
-    assert_same_bits(run_ticks(whole, 40), run_ticks(resumed, 40))
-    for name, array in whole.outside.arrays.values().items():
-        np.testing.assert_array_equal(array, getattr(resumed.outside.arrays, name))
-    forgetful = Simulation(hall(1, 0.0))
-    forgotten = {key: value for key, value in forgetful.state().items() if key.startswith("outside.")}
-    forgetful.restore(state | forgotten)
-    run_ticks(forgetful, 40)
-    assert (forgetful.population.crowd.position != resumed.population.crowd.position).any()
 
 
 def test_without_behaviours_that_keep_distances_nobody_is_kept():

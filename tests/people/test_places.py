@@ -8,7 +8,6 @@ from evac.base.errors import ScenarioError
 from evac.report.of_run import main_results
 from evac.results.answer import answer_of
 from evac.simulation.simulation import Simulation
-from tests.runs import assert_same_bits, run_ticks
 
 
 def case_of(*events, places=("yard",), rooms=(None,), number=8, shown=False, **group):
@@ -107,17 +106,6 @@ def test_a_run_ends_when_the_condition_of_an_event_can_not_come_true_any_more():
     results = evac.run(case_of({"when": {"count": 9, "area": "yard"}, "value": []}))
     assert results.ended == "everybody out or at a safe place"
     assert results.time < 60.0
-
-
-def test_a_run_of_stages_goes_on_to_the_same_bits():
-    case = case_of({"time": 15.0, "value": ["at corner"]}, places=("yard", "corner"), rooms=(None, None))
-    one, other = Simulation(case), Simulation(case)
-    run_ticks(one, 200)
-    other.restore(one.state())
-    for simulation in (one, other):
-        run_ticks(simulation, 100)
-    assert_same_bits(one, other)
-    assert one.places.people_at() == other.places.people_at()
 
 
 def test_a_change_in_python_sends_a_group_back_to_its_area():

@@ -6,7 +6,6 @@ from shapely import box
 
 import evac
 from evac.simulation.simulation import Simulation
-from tests.runs import assert_same_bits, run_ticks
 
 
 def hall(control=None, *events, kind="exit", people=12, **changes):
@@ -84,19 +83,6 @@ def test_a_leaf_opens_after_its_delay_and_closes_behind_the_last_one():
     assert time[1] - free[1] == pytest.approx(3.0, abs=0.9)  # it has closed behind the first one
     stays = case.change({"building.plan.exits.exit.control": {"delay": 3.0}})
     assert Simulation(stays).run().crowd.exit_time[1] == pytest.approx(free[1], abs=1e-9)
-
-
-def test_a_resumed_run_has_the_bits_of_one_without_interruption():
-    case = hall(
-        {"every": 1.5, "most": 6, "delay": 1.0, "hold": 1.0}, event("control", "exit", 9.0, value={"every": 0.7})
-    )
-    simulation, resumed = run_ticks(Simulation(case), 65), Simulation(case)
-    resumed.restore(simulation.state())
-    for one in (simulation, resumed):
-        run_ticks(one, 1000)
-    assert_same_bits(simulation, resumed)
-    assert simulation.ended == resumed.ended
-    assert simulation.scene.changes == resumed.scene.changes
 
 
 def test_controls_are_recorded_written_and_shown(tmp_path):

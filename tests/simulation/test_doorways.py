@@ -5,7 +5,7 @@ import pytest
 
 import evac
 from evac.simulation.simulation import Simulation
-from tests.runs import MODELS, assert_same_bits, run_ticks
+from tests.runs import run_ticks
 
 CLOSES = 4.0
 
@@ -54,18 +54,6 @@ def test_who_stands_in_a_closing_doorway_is_named_and_leaves_by_it_and_nobody_el
     assert results.ended == "everybody out"
     assert results.report["greatest_overlap"] < overlap
     assert (results.crowd.passing == -1).all()
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_a_run_that_is_resumed_lets_the_same_people_through(model):
-    one, other = (Simulation(hall(model, seed=2 if model == "dem" else 0)) for _ in range(2))
-    one.scene.apply(evac.Change(CLOSES, "close", "west"))
-    run_ticks(one, round(CLOSES / 0.1) + 1)
-    assert (one.population.crowd.passing >= 0).any()
-    other.restore(one.state())
-    for simulation in (one, other):
-        simulation.run()
-    assert_same_bits(one, other)
 
 
 @pytest.fixture

@@ -167,22 +167,6 @@ def test_who_was_turned_back_on_the_line_of_an_escalator_follows_its_other_direc
     assert simulation.ended == "everybody out"
 
 
-def test_a_run_is_resumed_while_people_ride(tmp_path):
-    case = escalators([{"time": 20.0, "kind": "move", "target": "one", "value": False}], [UP], one={"speed": 0.5})
-    whole = Simulation(case)
-    while whole.time < 14.0:
-        whole.advance_tick()
-    state = whole.state()
-    again = Simulation(case)
-    again.restore(state)
-    for simulation in (whole, again):
-        while not simulation.ended:
-            simulation.advance_tick()
-    crowds = [simulation.population.crowd for simulation in (whole, again)]
-    assert crowds[0].exit_time.tobytes() == crowds[1].exit_time.tobytes()
-    assert np.isfinite(crowds[0].exit_time).all()
-
-
 def test_the_trajectory_has_what_moves(tmp_path):
     results = evac.run(escalators(people=[UP], one={"speed": 0.5}).change({"simulation.duration": 2.0}), tmp_path / "r")
     read = evac.read_trajectory(tmp_path / "r").building

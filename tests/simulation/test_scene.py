@@ -81,20 +81,6 @@ def test_a_group_whose_exits_are_all_closed_takes_any_other(room):
         Simulation(case.change({"building.closed": ["front"]}))
 
 
-@pytest.mark.parametrize("full", [False, True])
-def test_a_run_goes_on_to_the_same_bits_behind_a_closure(room, full):
-    one, other, lean = Simulation(room, full=full), Simulation(room, full=full), Simulation(room)
-    for simulation in (one, lean):
-        ticks(simulation, 8)
-        simulation.scene.set_open("back", False)
-        ticks(simulation, 8)
-    other.restore(one.state())
-    for simulation in (one, other, lean):
-        ticks(simulation, 20)
-    assert_same_bits(one, other)
-    assert_same_bits(one, lean)
-
-
 def test_changes_are_kept_with_the_times_at_which_they_took_effect(room):
     simulation = Simulation(room)
     tick = room.simulation.tick
