@@ -102,9 +102,10 @@ def check_people(case: "Case", building: Building) -> None:
             else:
                 hint = did_you_mean(people.area, areas) if areas else "there are no areas: add one to building.areas"
                 problems.append(f"{key}.area: unknown area {people.area!r}; {hint}")
-        of_stair = building.pieces_of(people.level or "") if people.positions is None and people.arrive is None else ()
+        is_anywhere = people.positions is None and people.arrive is None  # also on a whole stair
+        of_stair = building.pieces_of(people.level or "") if is_anywhere else ()
         if people.level is not None and building.level_named(people.level) is None and not of_stair:
-            levels = [*dict.fromkeys(level.title for level in building.levels)]
+            levels = [*dict.fromkeys(level.title if is_anywhere else level.name for level in building.levels)]
             problems.append(f"{key}.level: unknown level {people.level!r}; {did_you_mean(people.level, levels)}")
         exits = [exit_.name for exit_ in building.exits]
         for name in people.exits:

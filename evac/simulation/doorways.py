@@ -167,9 +167,13 @@ def begin_to_leave(building: Building, fields: Fields, crowd: Crowd, links: Iter
             for place in (crowd.position[rows], nearest)
         )
         is_first = crowd.level[rows] == levels[0]
+        first = levels[0]
         if len(levels) == 1:  # the side is that of the position
-            is_first = _side_of(crowd.position[rows], nearest, outward) == 0
-        sense = np.where(is_first == (on_line < here), 1.0, -1.0)
+            is_first, first = _side_of(crowd.position[rows], nearest, outward) == 0, 0
+        goes_through = on_line < here
+        if link in building.directed:  # nobody goes through against its direction
+            goes_through &= is_first == (building.directed[link] == first)
+        sense = np.where(is_first == goes_through, 1.0, -1.0)
         crowd.passing[rows] = link
         crowd.ahead[rows] = sense[:, None] * outward
         _aim(crowd, rows, segments)

@@ -193,6 +193,15 @@ def test_written_plans_are_read_as_equal_buildings(first, tmp_path):
         assert same(plan_of(again.building.plan, Path("random"), Path()).building(), building)
 
 
+def test_a_shaft_has_no_name_that_something_else_has():
+    plan = house()
+    plan.exit("stair", "ground", {"rooms": ["hall"], "side": 2, "width": 1.0})
+    building = plan.building()
+    assert building.shafts == {"stair 0 - stair 1": ("stair 0", "stair 1")}
+    exits = {way.index + len(building.portals) for way in building.exits if way.name == "stair"}
+    assert changed(building, Change(1.0, "close", "stair")).closed == exits
+
+
 def test_a_change_of_a_stair_or_shaft_is_one_of_all_its_pieces():
     building = house().building()
     assert building.shafts == {"stair": ("stair 0", "stair 1")}

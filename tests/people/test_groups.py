@@ -1,5 +1,7 @@
 import pytest
+from shapely import box
 
+import evac
 from evac.base.errors import ScenarioError
 from evac.directions.routes import Route
 from evac.people.groups import check_people, default_clearance, narrowest_body, reference_speeds, routes_of
@@ -61,3 +63,14 @@ def test_unknown_names_are_refused_all_at_once_with_the_closest_there_is(make_ca
         f"{case.source}: people.b.exits: unknown exit 'dor'; did you mean 'door'?",
         f"{case.source}: people.c.level: unknown level 'wets 0'; did you mean 'west 0'?",
     ]
+
+
+def test_a_position_on_a_stair_needs_the_name_of_its_piece(make_case):
+    plan = evac.Plan()
+    for name, z in (("low", 0.0), ("high", 3.0)):
+        plan.storey(name, box(0, 0, 10, 4), z=z)
+    plan.stair("west", "low", [(2, 1), (2, 2)], "high", length=5.0, direction=(1, 0))
+    plan.exit("door", "low", [(0, 1), (0, 2)])
+    case = make_case({"name": "p", "positions": [[4, 1.5]], "level": "west"})
+    with pytest.raises(ScenarioError, match=r"people\.p\.level: .*west flight z=0\.00\.\.3\.00"):
+        check_people(case, plan.building())

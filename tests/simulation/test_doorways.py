@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from shapely import box
 
 import evac
 from evac.simulation.simulation import Simulation
@@ -108,3 +109,27 @@ def test_an_exit_that_opens_again_holds_nobody():
     assert (crowd.passing == -1).all()
     assert not crowd.ahead.any()
     assert simulation.scene.world.link_open.tolist() == [1, 1]
+
+
+@pytest.mark.parametrize("y", [1.75, 1.91, 2.07])
+def test_the_last_one_who_leaves_a_closing_shaft_is_not_turned_back_into_it(y):
+    """Beyond the line, the way that was shorter led back to it."""
+    plan = evac.Plan()
+    for number, name in enumerate("gfs"):
+        plan.storey(name, [box(0, 7, 40, 10), box(0, 0, 8, 6.8), box(32, 0, 40, 6.8)], z=3.2 * number)
+        plan.door(f"west {name}", name, [(6.4, 6.9), (7.8, 6.9)])
+        plan.door(f"east {name}", name, [(32.2, 6.9), (33.6, 6.9)])
+    for number, (lower, upper) in enumerate([("g", "f"), ("f", "s")]):
+        plan.stair(f"w {number}", lower, [(1, 1), (1, 2.4)], upper, length=5.5, direction=(1, 0))
+        plan.stair(f"e {number}", lower, [(39, 1), (39, 2.4)], upper, length=5.5, direction=(-1, 0))
+    plan.exit("out", "g", [(0, 8), (0, 9.2)])
+    case = {
+        "building": plan,
+        "contact": {"model": "nsm1"},
+        "simulation": {"duration": 200.0},
+        "people": [{"name": "p", "positions": [[37.5, y]], "level": "e 1 flight z=3.20..6.40", "speed": 1.2}],
+        "event": [{"time": 0.0, "kind": "close", "target": "e"}],
+    }
+    results = evac.run(case)
+    assert [change.values["value"] for change in results.changes] == ["leave", "all"]
+    assert results.ended == "everybody out"

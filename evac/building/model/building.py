@@ -436,8 +436,8 @@ class Building:
     def shafts(self) -> dict[str, tuple[str, ...]]:
         """Stairs above each other, from bottom to top, by their name without its number; one alone has its own name.
 
-        If their names differ, or if several shafts have the same, a shaft has those of its first and last stair, as
-        ``lower - upper``.
+        If their names differ, or if several shafts or something else has this name, a shaft has those of its first and
+        last stair, as ``lower - upper``.
         """
         found: list[tuple[BaseGeometry, list[str]]] = []
         for name in sorted(self.stairs, key=lambda one: min(self.levels[k].z_min for k in self.stairs[one])):
@@ -447,8 +447,12 @@ class Building:
                 found.append((ground, own := []))
             own.append(name)
         begins = [{own[0]} if len(own) == 1 else {re.sub(r"[\s\d]+$", "", one) for one in own} for _, own in found]
+        others = {name for level in self.levels for name in (level.name, level.title)}
+        others |= {link.name for link in self.links} | {area.name for area in self.areas}
         return {
-            "".join(begin) if len(begin) == 1 == begins.count(begin) else f"{own[0]} - {own[-1]}": tuple(own)
+            "".join(begin)
+            if len(own) == 1 or (len(begin) == 1 == begins.count(begin) and begin.isdisjoint(others))
+            else f"{own[0]} - {own[-1]}": tuple(own)
             for begin, (_, own) in zip(begins, found, strict=True)
         }
 
