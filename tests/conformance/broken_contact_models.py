@@ -11,7 +11,7 @@ from evac.physics.contact.contacts import push, use_free_velocity
 from evac.physics.contact.model import ContactModel
 from evac.physics.contact.pair_contact import PairContact
 from evac.physics.state import State
-from tests.conformance.broken import Broken, odd, raising
+from tests.conformance.broken import Broken, odd
 
 
 class Bounce(ContactModel):
@@ -169,21 +169,6 @@ def linear(gap, closing_speed, reduced_mass, parameters):
     return -parameters[0] * gap
 
 
-@pair_contact
-def beyond_its_parameters(gap, closing_speed, reduced_mass, parameters):
-    return -parameters[3] * gap
-
-
-@pair_contact
-def vector(gap, closing_speed, reduced_mass, parameters):
-    return -parameters[0] * gap, 0.0
-
-
-@pair_contact
-def nothing(gap, closing_speed, reduced_mass, parameters):
-    pass
-
-
 class Linear(Pulls):
     """Pushes people apart, with a spring."""
 
@@ -266,8 +251,6 @@ BROKEN = [
         FREE,
         "moves too fast .*; check speeds",
     ),
-    Broken(odd(Bounce, step=raising), "check_free_walk", FREE, "partner", KeyError),
-    Broken(odd(Bounce, step=lambda self: 0.0), "check_contract", "the class", r"defines step\(self\); define step"),
     Broken(odd(ContactModel), "check_free_walk", FREE, r"neither a law nor step\(contacts, h\); define"),
     Broken(AlongAxes, "check_crowd", f"{PRESSED}.* rotated in the middle", "differs by .* m; .* normal and tangent"),
     Broken(odd(Lawful, law=by_row), "check_crowd", f"{PRESSED}.* in another order", "differs by .* m; keep it"),
@@ -278,13 +261,6 @@ BROKEN = [
         FREE,
         r"law: must .*, not .*\(State, float64\)",
     ),
-    Broken(Pulls, "check_free_walk", FREE, "pulls returns -.* N for .*; return a positive force"),
     Broken(Scribbles, "check_pair_law", PAIR, "changes its parameters; only return"),
-    Broken(
-        odd(Pulls, pair=beyond_its_parameters),
-        "check_pair_law",
-        "its function pair",
-        r"parameters\[3\], but .*; correct the index",
-    ),
     Broken(Sliding, "check_pair_law", PAIR, "friction is -10 N for the sliding speed -1.0 m/s; .* opposite sign"),
 ]

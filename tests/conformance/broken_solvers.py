@@ -70,18 +70,12 @@ def meddling(problem: Problem, tolerance: float, limit: int) -> int:
     return iterations
 
 
-@kernel
-def swapped(problem: Problem, limit: int, tolerance: float) -> int:
-    return sweep(problem, tolerance, limit)
-
-
 def solver(solve, **attributes):
     """Return a solver class with a kernel."""
     return odd(Solver, solve=solve, **attributes)
 
 
 QUEUE = "scene 'a queue at a wall"
-SOLVE, SIGNATURE = "its solve", r"solve: must be a kernel \(Problem, float64, int64\) -> \(int64\), not "
 
 BROKEN = [
     Broken(solver(idle), "check_solver", QUEUE, "the residual is .* m/s after .* iterations; iterate"),
@@ -91,6 +85,5 @@ BROKEN = [
     Broken(solver(endless), "check_solver", f"{QUEUE}.*at most 1 iteration", "its limit is 1; stop at the limit"),
     Broken(solver(remembering), "check_solver", QUEUE, "work arrays; initialise"),
     Broken(solver(meddling), "check_solver", QUEUE, r"changes problem\.data"),
-    Broken(solver(swapped), "check_solver", SOLVE, SIGNATURE + r"swapped\(Problem, int64, float64\)"),
     Broken(solver(sound, stronger="conjugate"), "check_same_bits", "scene '20 ticks of", "unknown solver 'conjugate'"),
 ]

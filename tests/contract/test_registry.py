@@ -179,9 +179,6 @@ def test_a_kernel_in_a_file_is_compiled(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_contact_model():\n    return []\n",
-         ["there is no hook 'evac_contact_model'", "did you mean 'evac_contact_models'?"]),
-        ("def evac_forces():\n    return []\n", ["evac_forces", "@hookimpl"]),
         ("from evac import Behaviour\nclass A(Behaviour):\n    name = 'a'\n    def act(self, crowd, time):\n"
          "        pass\nevac_behaviours = [A]\n",
          ["evac_behaviours is an object of class list", "line 7", "@hookimpl"]),
@@ -192,13 +189,8 @@ def test_a_kernel_in_a_file_is_compiled(tmp_path):
          ["evac_finish is a hook wrapper"]),
         ("gravity = 9.81\n", ["defines no plugin", "ContactModel", "evac_contact_models"]),
         ("from evac import ContactModel\n", ["defines no plugin"]),
-        ("from evac import Force\nclass A(Force):\n    pass\n", ["A.name is ''"]),
-        ("from evac import Force\nclass A(Force):\n    name = 'a'\n", ["A has no cutoff(), which every Force needs"]),
-        ("import no_such_module\n", ["cannot be loaded", "ModuleNotFoundError", "no_such_module"]),
         ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_forces():\n    return 1 / 0\n",
          ["evac_forces(): ZeroDivisionError: division by zero"]),
-        ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_forces():\n    return 'social'\n",
-         ["evac_forces() returns 'social'"]),
         ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_forces():\n    return [int]\n",
          ["evac_forces() returns int", "derive it from evac.Force"]),
         ("from evac import Behaviour, hookimpl\n"
@@ -207,18 +199,11 @@ def test_a_kernel_in_a_file_is_compiled(tmp_path):
         ("from evac import Behaviour, hookimpl\n"
          "class A(Behaviour):\n    name = 'a'\n@hookimpl\ndef evac_forces():\n    return [A]\n",
          ["evac_forces() returns", "derive it from evac.Force"]),
-        ("from evac import Force, hookimpl\n"
-         "class A(Force):\n    name = 'a'\n@hookimpl\ndef evac_forces():\n    return [A]\n",
-         ["A has no cutoff(), which every Force needs"]),
         ("from evac import ContactModel, hookimpl\n"
          "class A(ContactModel):\n    name = 'model'\n@hookimpl\ndef evac_contact_models():\n    return [A]\n",
          ["A.name is 'model', a key of its section"]),
         ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_building_cases():\n    return ['/nowhere']\n",
          ["/nowhere", "case.toml"]),
-        ("from evac import Importer, hookimpl\n"
-         "class A(Importer):\n    name = 'a'\n    suffixes = '.a'\n    def read(self, path):\n        pass\n"
-         "@hookimpl\ndef evac_importers():\n    return [A]\n",
-         ["A.suffixes is '.a'"]),
     ],
 )  # fmt: skip
 def test_a_broken_plugin_is_refused_by_name(tmp_path, text, words):
