@@ -10,7 +10,7 @@ import shapely
 
 from evac.base.arrays import IntArray
 from evac.base.change import ARRIVES, CLOSES, LEAVE, LIFT, OPENS, REMEDIES, Change, is_legal
-from evac.base.errors import ScenarioError
+from evac.base.errors import EvacError, ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.base.saved import Bounds, Saved
 from evac.building.model.links import changed
@@ -154,20 +154,33 @@ class Timetable(Saved):
 
     saved = ("_happens",)
 
-    def __init__(self, events: "tuple[EventSettings, ...]", scene: "Scene", has_air: bool = False) -> None:
+    def __init__(
+        self, events: "tuple[EventSettings, ...]", scene: "Scene", source: object, has_air: bool = False
+    ) -> None:
         self._events, self._scene = events, scene
         self._places = {event.name: k for k, event in enumerate(events) if event.name is not None}
         # the time at which each event happens, infinite if it is not known yet [s]
         self._happens = np.array([math.inf if event.time is None else event.time for event in events])
-        for event in events:
-            change = Change(event.time or 0.0, event.kind, event.target, event.values)
-            check(scene, change)
-            if event.when is None:
-                scene.apply(change)
-            elif event.when.area is not None:
-                self._area(event.when.area)
-                if event.when.smoke is not None and not has_air:
-                    raise ScenarioError("event.when.smoke: the case has no [[conditions]], from which smoke comes")
+        problems: list[str] = []
+        for number, event in enumerate(events):
+            try:
+                self._take(event, has_air)
+            except EvacError as error:
+                text = str(error).removeprefix(f"{scene.building.source}: ")
+                problems.append(f"{source}: event.{number}: {text}")
+        if problems:
+            raise ScenarioError("\n".join(problems))
+
+    def _take(self, event: "EventSettings", has_air: bool) -> None:
+        """Check an event, and apply its change if its time is known."""
+        change = Change(event.time or 0.0, event.kind, event.target, event.values)
+        check(self._scene, change)
+        if event.when is None:
+            self._scene.apply(change)
+        elif event.when.area is not None:
+            self._area(event.when.area)
+            if event.when.smoke is not None and not has_air:
+                raise ScenarioError("when.smoke: the case has no [[conditions]], from which smoke comes")
 
     @property
     def is_waiting(self) -> bool:
@@ -233,7 +246,5 @@ class Timetable(Saved):
         parts = building.parts_named(name)
         if not parts:
             known = [area.name for area in building.areas] + [level.title for level in building.levels]
-            raise ScenarioError(
-                f"event.when.area: no area, level or stair is named {name!r}; {did_you_mean(name, known)}"
-            )
+            raise ScenarioError(f"when.area: no area, level or stair is named {name!r}; {did_you_mean(name, known)}")
         return float(sum(part.polygon.area for part in parts))

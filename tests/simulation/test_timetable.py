@@ -403,3 +403,12 @@ def test_events_that_say_nothing_possible_are_refused_with_their_key(wrong, word
     with pytest.raises(ScenarioError, match=words) as caught:
         house(wrong)
     assert "\n" not in str(caught.value)
+
+
+def test_all_events_of_what_the_building_has_not_are_refused_at_once_with_their_keys():
+    case = house(event("close", "mian", 5.0), event("close", "main", 5.0), event("one_way", "a", 5.0, value="west"))
+    with pytest.raises(ScenarioError) as caught:
+        Simulation(case)
+    lines = str(caught.value).splitlines()
+    assert [line.removeprefix(f"{case.source}: ")[:8] for line in lines] == ["event.0:", "event.2:"]
+    assert "'main'" in lines[0]
