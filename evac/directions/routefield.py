@@ -491,10 +491,9 @@ def _strips_and_starts(
 def _jumps(grids: BuildingGrids, slowness: FloatArray, lifts: bool) -> dict[str, NDArray[Any]]:
     """Return the arrays of jumps of `MarchState`: from the node at the end of each to the nodes around its start."""
     rows = []
-    for jump, area, end in grids.jumps(lifts):
-        nodes, away = grids.around(area)
-        time = jump.time + away * slowness[area.level, FLAT]
-        rows += [*zip([end] * len(nodes), nodes.tolist(), time.tolist(), strict=True)]
+    for jump in grids.jumps(lifts):
+        time = jump.time + jump.away * slowness[jump.area.level, FLAT]
+        rows += [*zip([jump.end] * len(time), jump.nodes.tolist(), time.tolist(), strict=True)]
     ends, starts, times = (np.array(column) for column in zip(*sorted(rows), strict=True)) if rows else ((), (), ())
     first = np.full(grids.size if rows else 0, -1, np.int32)
     first[np.array(ends[::-1], np.int64)] = np.arange(len(rows))[::-1]

@@ -317,7 +317,7 @@ class BehaviourScene:
 
     @property
     def version(self) -> int:
-        """Number of changes of the scene so far."""
+        """A number that grows with each change of the scene that concerns people; those of lifts rarely do."""
         return self.scene.version
 
     @property

@@ -100,7 +100,7 @@ class Lifts(Saved):
 
     saved = (
         *("phase", "stop", "to", "until", "waits_since", "trips", "rides"),
-        *("_last", "_count", "_called", "_place", "_is_led", "_waits_at", "_since", "_looked"),
+        *("_last", "_count", "_lets_out", "_called", "_place", "_is_led", "_waits_at", "_since", "_looked"),
     )
 
     def __init__(self, scene: Scene, dispatcher: Dispatcher) -> None:
@@ -110,6 +110,7 @@ class Lifts(Saved):
         people = len(self._crowd.level)
         self.phase, self.to, self._count = np.zeros((3, len(self._lifts)), np.int64)
         self.stop = np.array([lift.start for lift in self._lifts], np.int64)
+        self._lets_out = np.zeros(len(self._lifts), np.bool_)  # cars whose doors have opened for those inside
         self.until, self._last = np.zeros((2, len(self._lifts)))
         self.waits_since = np.full(people, np.nan)
         self.trips, self.rides = np.zeros((0, len(Trip._fields))), np.zeros((0, 3))
@@ -176,8 +177,9 @@ class Lifts(Saved):
         bank = [other for other, one in enumerate(self._lifts) if one is lift or own.bank == one.operation.bank]
         bank, total = bank if own.bank else [k], 0.0
         trips = self.trips[np.isin(self.trips[:, 0], bank)]
-        for stop in np.unique(trips[:, 2]).astype(int).tolist():
-            left = int(trips[trips[:, 2] == stop][:, Trip._fields.index("people")].sum())
+        stops = np.where(trips[:, 2] == lift.discharge, trips[:, 3], trips[:, 2]).astype(int)
+        for stop in np.unique(stops).tolist():
+            left = int(trips[stops == stop][:, Trip._fields.index("people")].sum())
             for people in [own.capacity] * (left // own.capacity) + [left % own.capacity] * (left % own.capacity > 0):
                 total += _round_trip(lift, stop, people)
         return (1.0 + INEFFICIENCY) * total / len(bank)
@@ -267,6 +269,7 @@ class Lifts(Saved):
         if phase == OPENING:
             self._change(k, OPENS, int(self.stop[k]))
             self._last[k], self._count[k] = until, len(self._inside(k))
+            self._lets_out[k] = self._count[k] > 0
             self._call_in(k)
             return self._enter(k, OPEN, until)
         if len(self._on_line(k)):
@@ -279,7 +282,10 @@ class Lifts(Saved):
     def _leave(self, k: int) -> bool:
         """Let a car with closed doors leave for its next stop, or open its doors again."""
         lift, stop, rows = self._lifts[k], int(self.stop[k]), self._inside(k)
-        to = lift.discharge if len(rows) and stop != lift.discharge else self._next_stop(k)
+        if not len(rows):
+            to = self._next_stop(k)
+        else:
+            to = lift.discharge if stop != lift.discharge else int(self._goals(k, stop, rows[:1])[0])
         if to is None:
             return False
         time = self._scene.time
@@ -306,8 +312,8 @@ class Lifts(Saved):
         if inside > self._count[k]:
             self._last[k] = self._scene.time
         self._count[k] = max(inside, self._count[k])  # who steps back and in again does not hold the doors
-        if stop == lift.discharge:
-            is_done = inside == 0 and not is_in_doorway
+        if self._lets_out[k]:
+            is_done = not is_in_doorway and (self._goals(k, stop, self._inside(k)) != stop).all()
         else:
             taken, halves = self._place[self._inside(k)], self._half(k, self._inside(k))
             has_place = _are_free(self._spots[k], 0.5 * self._spacing[k], taken, halves).any()
@@ -365,16 +371,23 @@ class Lifts(Saved):
         return time
 
     def _next_stop(self, k: int) -> int | None:
-        """Return the next stop of a car: one that its dispatcher chooses, or if it is out of service its discharge."""
+        """Return the next stop of a car: one that its dispatcher chooses, or if it is out of service its discharge.
+
+        A car at its discharge first takes those who ride up from there.
+        """
         lift, stop, calls = self._lifts[k], int(self.stop[k]), list[StopCall]()
         if not self._runs(k):
             return None if stop == lift.discharge else lift.discharge
         waiting = {*self._waits_at[self._waits_at >= 0].tolist()}
+        below = self._lobby[k, lift.discharge]
+        rides_up = below in waiting and self._left_to(k, below) > 0
+        if rides_up and stop == lift.discharge:
+            return stop
         for at in range(len(lift.rooms)):
             lobby = self._lobby[k, at]
             if at != lift.discharge and lobby in waiting and (people := self._left_to(k, lobby)):
                 calls.append(StopCall(at, people, float(self._since[lobby])))
-        return self._ask(k, stop, calls) if calls else None
+        return self._ask(k, stop, calls) if calls else lift.discharge if rides_up else None
 
     def _ask(self, k: int, stop: int, calls: list[StopCall]) -> int | None:
         """Return which of some stops the dispatcher chooses for a car at a stop; None if it stays."""
@@ -431,7 +444,23 @@ class Lifts(Saved):
         there = scene.fields.travel_time_at(level, np.tile(middles, (len(first), 1)), route, radius)
         there = there.reshape(len(first), -1).min(axis=1)[of]
         rows = rows[np.isfinite(there) & (there < here + SLACK)]
-        return rows
+        car, stop, _ = lobby.cars[0]
+        return rows if stop != self._lifts[car].discharge else rows[self._goals(car, stop, rows) != stop]
+
+    def _goals(self, k: int, stop: int, rows: IntArray) -> IntArray:
+        """Return the stops where people in a car at a stop, or before its doors, get out: there, or after a ride."""
+        lift = self._lifts[k]
+        doors = [self._scene.building.portals[door] for door in lift.doors[stop]]
+        stops = [at for at in range(len(lift.rooms)) if at != stop and lift.discharge in (at, stop) and self._runs(k)]
+        levels = [*(door.other(lift.rooms[stop]) for door in doors), *(lift.rooms[at] for at in stops)]
+        places = [*(door.segments.reshape(-1, 2).mean(axis=0) for door in doors), *[lift.back] * len(stops)]
+        _, _, route, radius = self._of(rows)
+        level, place = (np.repeat(np.array(values), len(rows), axis=0) for values in (levels, places))
+        own = np.tile(route, len(levels)), np.tile(radius, len(levels))
+        times = self._scene.fields.travel_time_at(level.astype(np.int32), place, *own).reshape(len(levels), -1)
+        times[len(doors) :] += np.array([lift.flight(stop, at) for at in stops]).reshape(-1, 1)
+        goals: IntArray = np.array([*[stop] * len(doors), *stops], np.int32)[times.argmin(axis=0)]
+        return goals
 
     def _can_carry(self, k: int) -> NDArray[np.bool_]:
         """Return whom a car can carry at all: by their mass, and as wide as its doors and its ground are."""
@@ -489,7 +518,7 @@ class Lifts(Saved):
     def _let_in(self, k: int) -> None:
         """Let in the nearest people before an open door, as many as there are places left; they are chosen anew."""
         lift, stop = self._lifts[k], int(self.stop[k])
-        if self.phase[k] != OPEN or stop == lift.discharge or not self._runs(k):
+        if self.phase[k] != OPEN or self._lets_out[k] or not self._runs(k):
             return
         crowd, lobby = self._crowd, self._lobbies[self._lobby[k, stop]]
         rows = self._waiting(k)
@@ -502,6 +531,9 @@ class Lifts(Saved):
             is_free = (crowd.passing[rows] < 0) & np.isin(self._called[rows], (-1, k))
             near = np.flatnonzero((distance < REACH) & is_free)
             new = rows[near][np.lexsort((rows[near], distance[near]))]
+            if stop == lift.discharge:  # a ride up has one goal, too
+                goals = self._goals(k, stop, np.concatenate([in_car, new]))
+                new = new[goals[len(in_car) :] == goals[:1]]
             self._place[new] = places = self._places_for(k, new, in_car)
             crowd.passing[new[np.isfinite(places[:, 0])]] = door.index
 
@@ -509,7 +541,7 @@ class Lifts(Saved):
         """Call the nearest people who wait before the doors of a bank to the car that has opened its doors."""
         stop = int(self.stop[k])
         lobby = self._lobbies[self._lobby[k, stop]]
-        if stop == self._lifts[k].discharge or len(lobby.cars) < 2:
+        if self._lets_out[k] or len(lobby.cars) < 2:
             return
         rows = self._waiting(k)
         rows = rows[self._called[rows] < 0]
@@ -556,13 +588,14 @@ class Lifts(Saved):
         """Let people out one after the other, the nearest to the door first, if there are wide bodies among them."""
         rows = self._inside(k)
         if len(rows) > 1 and (self._crowd.radius[rows] > 0.5 * WIDEST).any():
+            rows = rows[self._goals(k, int(self.stop[k]), rows) == self.stop[k]]
             doors = [self._scene.building.portals[door].segments for door in self._doors(k)]
             _, distance, _ = nearest_points(np.concatenate(doors), self._crowd.position[rows])
-            self._crowd.speed_factor[np.delete(rows, distance.argmin())] = 0.0
+            self._crowd.speed_factor[rows[distance > distance.min(initial=np.inf)]] = 0.0
 
     def _stand(self, k: int) -> None:
         """Lead people in a car to their places."""
-        if self.phase[k] == OPEN and self.stop[k] == self._lifts[k].discharge:
+        if self.phase[k] == OPEN and self._lets_out[k]:
             self._get_out(k)
             return
         rows = np.union1d(self._inside(k), self._on_line(k))

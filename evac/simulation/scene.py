@@ -156,12 +156,12 @@ class Scene(Saved):
 
     @property
     def version(self) -> int:
-        """Number of changes so far, except those of lifts.
+        """A number that grows with all changes except those of lifts that leave the ways as they are.
 
         Code that caches data about the scene must compare versions at each tick.
         `ways_version` is the number of those that changed the ways: what follows from fields alone compares it.
         """
-        return len(self.changes) - self._of_lifts
+        return len(self.changes) - self._of_lifts + self.ways_version
 
     @cached_property
     def world(self) -> World:

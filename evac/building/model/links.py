@@ -294,12 +294,14 @@ def levels_reaching(
 ) -> set[int]:
     """Return the levels from which one of some open exits or areas can be reached, without the portals `barred`."""
     reached = {exit_.level for exit_ in exits}
-    waiting = list(reached)
+    waiting, jumped = list(reached), dict[int, set[int]]()
+    for start, end in jumped_levels(building, lifts):
+        jumped.setdefault(end, set()).add(start)
     while waiting:
         level = waiting.pop()
         leading = [portal for portal in building.portals_of(level) if building.leads_from(portal, portal.other(level))]
         more = {portal.other(level) for portal in leading if portal.index not in barred}
-        more |= {start for start, end in jumped_levels(building, lifts) if end == level}
+        more |= jumped.get(level, set())
         waiting += more - reached
         reached |= more
     return reached

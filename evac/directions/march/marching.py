@@ -72,6 +72,12 @@ class _March:
         self.is_plain = metric.is_plain
         self.cost = np.full(grids.size, math.inf)
         self.jumps = grids.jumps(lifts)
+        #: By level, the numbers of the jumps that end on it.
+        self.jumps_to: dict[int, list[int]] = {}
+        for k, level in enumerate(
+            np.searchsorted([one.offset for one in grids.levels], [one.end for one in self.jumps], side="right")
+        ):
+            self.jumps_to.setdefault(int(level) - 1, []).append(k)
         #: Cost, portal and level entered; instead of a portal, -1 for doors of one direction, -2 - k for jump k.
         self.pending: list[tuple[float, int, int]] = []
         #: Number of times that the cost of each level decreased.
@@ -115,9 +121,9 @@ class _March:
         through = self._times_before_doors(self.grids.levels[level])
         if np.isfinite(through).any():
             heapq.heappush(self.pending, (float(through.min()), -1, level))
-        for k, (_, start_area, end) in enumerate(self.jumps):
-            if end in range(self.grids.levels[level].offset, self.grids.levels[level].packed.stop):
-                heapq.heappush(self.pending, (self._after_jump(k), -2 - k, start_area.level))
+        for k in self.jumps_to.get(level, ()):
+            if self._is_lowered(k):
+                heapq.heappush(self.pending, (self._after_jump(k), -2 - k, self.jumps[k].area.level))
         for portal in self.grids.portals_of(level):
             if portal.index in self.barred:
                 continue
@@ -128,17 +134,21 @@ class _March:
 
     def _after_jump(self, number: int) -> float:
         """Return the cost at the start of a jump by this jump."""
-        jump, _, end = self.jumps[number]
-        return jump.time + float(self.cost[end])
+        return self.jumps[number].time + float(self.cost[self.jumps[number].end])
 
     def _jump(self, number: int) -> None:
         """March from the start of a jump, if this lowers the cost there."""
-        _, area, _ = self.jumps[number]
-        cost, slowness = self._after_jump(number), float(self.metric.slowness[area.level, FLAT])
-        nodes, away = self.grids.around(area)
-        if (cost + away * slowness < self.cost[nodes] - TOLERANCE * self.spacing * slowness).any():
-            self._march_from_area(area, cost)
+        if self._is_lowered(number):
+            area = self.jumps[number].area
+            self._march_from_area(area, self._after_jump(number))
             self._queue_portals(area.level)
+
+    def _is_lowered(self, number: int) -> bool:
+        """Return whether a jump lowers the cost at its start."""
+        jump = self.jumps[number]
+        slowness = float(self.metric.slowness[jump.area.level, FLAT])
+        cost = self._after_jump(number) + jump.away * slowness
+        return bool((cost < self.cost[jump.nodes] - TOLERANCE * self.spacing * slowness).any())
 
     def _start(self, portal: Portal, entered: int) -> float:
         """Return the minimum cost on a portal where the level behind has a lower cost than `entered`; inf if nowhere.

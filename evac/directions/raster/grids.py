@@ -3,7 +3,8 @@
 import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from shapely import maximum_inscribed_circle
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from evac.building.model.building import DOWN, FLAT, UP, Area, Building, Door, Exit, Jump, Level, Link, Portal
+from evac.building.model.building import DOWN, FLAT, UP, Area, Building, Door, Exit, Level, Link, Portal
 from evac.building.model.narrow import gaps_below, gaps_between_walls
 from evac.directions.raster.lattice import SLACK, Lattice, Window, walkable_nodes, wall_distance
 from evac.directions.raster.masks import grown, parts_of
@@ -76,6 +77,16 @@ class LevelGrid:
         return nodes
 
 
+class JumpWay(NamedTuple):
+    """A jump, from the nodes around the middle of its start to the node in the middle of its end."""
+
+    time: float  # [s]
+    area: Area  # its start
+    nodes: IndexArray
+    away: FloatArray  # their distances from the middle [m]
+    end: int
+
+
 @dataclass(frozen=True)
 class BuildingGrids:
     """The grids of all levels on a common lattice."""
@@ -117,11 +128,19 @@ class BuildingGrids:
         near = near[np.argsort(away.ravel()[near], kind="stable")]
         return grid.offset + near, away.ravel()[near]
 
-    def jumps(self, lifts: bool) -> list[tuple[Jump, Area, int]]:
-        """Return the jumps, each with the area of its start, and the node in the middle of its end."""
-        areas = {area.name: area for area in (*self.building.areas, *(self.building.backs if lifts else ()))}
+    def jumps(self, lifts: bool) -> list[JumpWay]:
+        """Return the jumps, with those of lifts if these are used."""
+        areas = {area.name for area in self.building.areas}
+        return [way for way in self._all_jumps if lifts or way.area.name in areas]
+
+    @cached_property
+    def _all_jumps(self) -> list[JumpWay]:
+        areas = {area.name: area for area in (*self.building.areas, *self.building.backs)}
         jumps = sorted(jump for jump in self.building.jumps if jump.start in areas)
-        return [(jump, areas[jump.start], int(self.around(areas[jump.end])[0][0])) for jump in jumps]
+        around = {name: self.around(areas[name]) for name in {name for jump in jumps for name in jump[:2]}}
+        return [
+            JumpWay(jump.time, areas[jump.start], *around[jump.start], int(around[jump.end][0][0])) for jump in jumps
+        ]
 
     def is_beside(self, grid: LevelGrid) -> BoolArray:
         """Return the mask (nx, ny) of nodes that are not walkable, but at most `margin` nodes from one that is."""
