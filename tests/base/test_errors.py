@@ -22,8 +22,12 @@ CALLS = {
 }
 
 
-@pytest.mark.parametrize("call", CALLS)
-@pytest.mark.parametrize("path", ["x" * 300, "x" * 5000, "x/" * 3000 + "x", "a\0b", "loop", "loop/case"])
+PATHS = ["x" * 300, "x" * 5000, "x/" * 3000 + "x", "a\0b", "loop", "loop/case"]
+
+
+@pytest.mark.parametrize(
+    ("call", "path"), [*((call, "loop/case") for call in CALLS), *(("building", path) for path in PATHS[:-1])]
+)
 def test_a_path_that_cannot_be_looked_up_is_one_line(call, path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "room.wkt").write_text("POLYGON ((0 0, 4 0, 4 3, 0 3, 0 0))")

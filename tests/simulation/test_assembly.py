@@ -77,9 +77,3 @@ def test_a_dictionary_and_a_file_of_the_same_content_start_alike(tmp_path, monke
     assert one.keys() == other.keys()
     for key, value in one.items():
         np.testing.assert_array_equal(value, other[key])
-
-
-def test_a_fault_of_a_dictionary_names_the_key(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(evac.ScenarioError, match=r"<dictionary>: people\.people\.numbr: unknown key"):
-        evac.load(square(tmp_path), {"people.people.numbr": 5})

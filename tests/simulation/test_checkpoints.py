@@ -143,12 +143,6 @@ def test_every_contact_model_with_forces_goes_on_to_the_same_bits(tmp_path, mode
     check_goes_on(evac.load("square_room", changes), tmp_path, [1.0, 1.3, 2.9])
 
 
-@pytest.mark.parametrize("full", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_classes_with_teachers_go_on_to_the_same_bits(tmp_path, full):
-    changes = {"simulation.duration": 3.0, "behaviours.headway": {}} | QUIET
-    check_goes_on(evac.load("primary_school", changes), tmp_path, [1.6], full=full)
-
-
 def closed_by_time(page):
     """Return what a page shows as closed: links from a time on."""
     page = page.read_text(encoding="utf-8")
