@@ -65,6 +65,10 @@ class Factor:
 
     factor: Distribution
 
+    def to_value(self) -> dict[str, Any]:
+        """Return the factor as written in case.toml."""
+        return {"factor": self.factor.to_value()}
+
 
 def _stair_speed(value: object) -> Distribution | Factor:
     if isinstance(value, Factor):
@@ -74,10 +78,6 @@ def _stair_speed(value: object) -> Distribution | Factor:
             raise ValueError("factor must be the only key; write { factor = { uniform = [0.4, 0.6] } }")
         return Factor(distribution_from(value["factor"], minimum=0.0, maximum=MOST_SPEED))
     return distribution_from(value, minimum=0.0, maximum=MOST_SPEED)
-
-
-def _as_written(value: Distribution | Factor) -> Any:
-    return {"factor": value.factor.to_value()} if isinstance(value, Factor) else value.to_value()
 
 
 def _table_or_switch(value: object) -> object:
@@ -93,7 +93,7 @@ def _within(**bounds: float) -> BeforeValidator:
     return BeforeValidator(lambda value: distribution_from(value, **bounds))
 
 
-_Written = PlainSerializer(_as_written)
+_Written = PlainSerializer(lambda value: value.to_value())
 Radius = Annotated[InstanceOf[Distribution], _within(minimum=LEAST_RADIUS, maximum=MOST_RADIUS), _Written]
 Height = Annotated[InstanceOf[Distribution], _within(minimum=LEAST_HEIGHT, maximum=MOST_HEIGHT), _Written]
 Mass = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=MOST_MASS), _Written]

@@ -33,12 +33,9 @@ class Bounds(NamedTuple):
 class Saved:
     """A part of a run, which declares the attributes that a checkpoint saves.
 
-    Attributes
-    ----------
-    saved : tuple of str
-        Names of attributes, also of attributes of these, in the order in which they are restored: numbers, arrays,
-        other parts, and dictionaries and structs of these. Arrays are written in place, unless `bounds` gives their
-        shape. Attributes that are None are left out.
+    `saved` names attributes, also attributes of these, in the order in which they are restored: numbers, arrays, other
+    parts, and dictionaries and structs of these. Arrays are written in place, unless `bounds` gives their shape.
+    Attributes that are None are left out.
     """
 
     saved: tuple[str, ...] = ()

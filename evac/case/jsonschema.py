@@ -33,7 +33,8 @@ def case_schema(registry: Registry) -> Schema:
     """
     schema = Case.model_json_schema()
     definitions = {name: _without_names(one) for name, one in schema.pop("$defs").items()}
-    definitions["BuildingSettings"]["properties"]["plan"] = _without_draft(plan_schema())
+    plan = {key: value for key, value in plan_schema().items() if key != "$schema"}
+    definitions["BuildingSettings"]["properties"]["plan"] = plan
     models = registry.contact_models
     definitions["ContactSettings"]["properties"] |= {name: _parameters(cls) for name, cls in models.items()}
     definitions["ContactSettings"]["additionalProperties"] = False
@@ -167,7 +168,3 @@ def _without_names(schema: Schema) -> Schema:
 def _is_plain(value: Any) -> bool:
     """Return whether JSON has the value, which has no infinite numbers."""
     return isinstance(value, str) or (isinstance(value, bool | int | float) and math.isfinite(value))
-
-
-def _without_draft(schema: Schema) -> Schema:
-    return {key: value for key, value in schema.items() if key != "$schema"}

@@ -49,17 +49,11 @@ def differences(before: Any, now: Any, *key: str) -> Iterator[tuple[tuple[str, .
 
 
 class RunningDigest:
-    """The SHA-256 of the beginning of a file that grows; bytes that were read before are not read again.
-
-    Attributes
-    ----------
-    length : int
-        Number of bytes so far.
-    """
+    """The SHA-256 of the beginning of a file that grows; bytes that were read before are not read again."""
 
     def __init__(self) -> None:
         self._hash = hashlib.sha256()
-        self.length = 0
+        self.length = 0  # number of bytes so far
 
     def extend(self, path: Path, length: int) -> str:
         """Return the digest of the first `length` bytes of a file as hexadecimal text."""

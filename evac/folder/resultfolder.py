@@ -37,15 +37,7 @@ EARLIER = ".earlier"
 
 
 class ResultFolder:
-    """A result folder that is being written; a context manager that holds its lock.
-
-    Attributes
-    ----------
-    path : Path
-        The given path.
-    running : Path
-        Folder to which a run writes.
-    """
+    """A result folder that is being written: `path`, and `running`, to which a run writes; a context with its lock."""
 
     def __init__(self, path: str | Path) -> None:
         self.path = usable_path(path, ResultError)

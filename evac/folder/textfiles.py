@@ -74,14 +74,9 @@ def checked(kind: type[Read], data: dict[str, Any], path: Path) -> Read:
         read: Read = adapter(of).validate_python(data)
         return read
     except ValidationError as error:
-        what = f"{path}: {first_fault(error)}"
+        first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+        what = f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}"
         raise ResultError(f"{what}; the file is damaged or of another version of evac: run the case again") from error
-
-
-def first_fault(error: ValidationError) -> str:
-    """Return the first key that was refused, and why."""
-    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-    return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
 
 
 def cell_of(value: Any) -> Any:

@@ -7,7 +7,6 @@ numba and llvmlite, options of numba, and the processor. Object code with this k
 import hashlib
 import os
 import sys
-from contextlib import suppress
 from enum import EnumType
 from functools import cache, lru_cache
 from importlib.metadata import version
@@ -27,17 +26,11 @@ _COMPILER = ("compiler.py", "instructions.py", "loading.py", "structs.py")
 #: Environment variables of numba that do not change the code of a kernel.
 _HARMLESS = {"NUMBA_DISABLE_JIT", "NUMBA_NUM_THREADS", "NUMBA_THREADING_LAYER", "NUMBA_CACHE_DIR"}
 
-#: File in the current folder with options of numba.
-_OPTIONS_FILE = Path(".numba_config.yaml")
-
 
 def _options() -> str:
     """Return the options of numba that are not the default ones, each behind a comma."""
     set_here = sorted((name, value) for name, value in os.environ.items() if name.startswith("NUMBA_"))
-    options = "".join(f", {name}={value}" for name, value in set_here if name not in _HARMLESS)
-    with suppress(OSError):
-        options += f", {_OPTIONS_FILE} {hashlib.sha256(_OPTIONS_FILE.read_bytes()).hexdigest()}"
-    return options
+    return "".join(f", {name}={value}" for name, value in set_here if name not in _HARMLESS)
 
 
 @lru_cache

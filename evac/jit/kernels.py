@@ -39,15 +39,7 @@ note_raised = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(_note_raised)
 
 
 class Kernel:
-    """A function that kernels can call.
-
-    Attributes
-    ----------
-    function : callable
-        The Python function.
-    is_inlined : bool
-        Whether its code takes the place of every call, however often it is called.
-    """
+    """A function that kernels can call; if `is_inlined`, its code takes the place of every call."""
 
     def __init__(self, function: Callable[..., Any], is_inlined: bool = False) -> None:
         self.function, self.is_inlined = function, is_inlined

@@ -121,23 +121,12 @@ class _StructField:
 class Struct:
     """Base class of structs that kernels take by reference; subclasses annotate attributes, given by keyword.
 
-    Attributes
-    ----------
-    kinds : mapping of str to Kind
-        Kinds of the attributes, in order.
-    words : mapping of str to int
-        First word of each attribute.
-    memory_address : int
-        Address of the memory of an instance.
-
-    Notes
-    -----
     Kernels ignore the ``writeable`` flag of NumPy arrays.
     """
 
-    kinds: ClassVar[dict[str, Kind]] = {}
-    words: ClassVar[dict[str, int]] = {}
-    memory_address = 0
+    kinds: ClassVar[dict[str, Kind]] = {}  # of the attributes, in order
+    words: ClassVar[dict[str, int]] = {}  # the first one of each attribute
+    memory_address = 0  # of an instance
     _size: ClassVar[int] = 0
 
     def __init_subclass__(cls) -> None:

@@ -29,10 +29,7 @@ class Operation:
 class Loop:
     """Advances a simulation by one tick after the other; `progress` may raise `Stopped` to end the run with a tick.
 
-    Attributes
-    ----------
-    operations : list of Operation
-        In the order in which they act in each tick. Others may be added, at the end if they use the state after it.
+    `operations` are in the order in which they act; others may be added, at the end if they use the state after a tick.
     """
 
     def __init__(self, simulation: "Simulation") -> None:
@@ -134,7 +131,7 @@ class Loop:
         simulation = self._simulation
         span = (self._end - simulation.step) * self._settings.step
         simulation.step = self._end
-        simulation.scene.end_tick(simulation.time)
+        simulation.scene.time = simulation.time
         np.subtract(simulation.population.crowd.position, self._before, out=simulation.displacement_velocity)
         simulation.displacement_velocity /= span
         left = simulation.population.settle(self._events)

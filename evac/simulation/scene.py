@@ -137,10 +137,6 @@ class Scene(Saved):
         """Note that behaviours are prepared, so that no field can be added."""
         self._has_begun = True
 
-    def end_tick(self, time: float) -> None:
-        """Let the time go on [s], to the beginning of the next tick."""
-        self.time = time
-
     def end(self) -> None:
         """Note that the last tick is made, so that no change takes effect."""
         self._has_ended = True

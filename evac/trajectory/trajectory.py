@@ -398,13 +398,7 @@ def _trajectory(path: Path, data: mmap.mmap) -> Trajectory:
 
 
 def continued(trajectory: Trajectory) -> Trajectory:
-    """Return a trajectory with the frames that its run has written since it was read, of which alone the file is read.
-
-    Raises
-    ------
-    ResultError
-        The file is damaged, or was removed.
-    """
+    """Return a trajectory with the frames that its run has written since it was read, which alone are read."""
     data = _mapped(trajectory.path)
     _, schema, _ = _read_header(trajectory.path, data)
     frames, end = _read_frames(trajectory.path, data, schema, trajectory.end)
