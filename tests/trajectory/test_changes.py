@@ -14,7 +14,6 @@ from PIL import Image, ImageColor
 
 import evac
 from evac.analysis.maps import level_maps
-from evac.cli import main
 from evac.export.exporter import export
 from evac.export.vtk import KINDS
 from evac.pictures import palette
@@ -146,13 +145,6 @@ def test_pictures_and_films_show_it_closed_from_then_on(trajectory, tmp_path, vi
             film.seek(k)
             shown.append(reds(film.convert("RGB")) > 20)
     assert shown == [False] * 4 + [True] * 5
-
-
-def test_a_picture_by_the_command_shows_it_closed(result, tmp_path):
-    for time, is_closed in ((1.5, False), (3.0, True)):
-        path = tmp_path / "picture.png"
-        assert main(["render", str(result), "--out", str(path), "--time", str(time), "--view", "plan"]) == 0
-        assert (reds(Image.open(path).convert("RGB")) > 20) == is_closed
 
 
 def test_maps_show_what_is_closed_at_their_end_and_say_when(trajectory):
