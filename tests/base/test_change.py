@@ -2,7 +2,7 @@
 
 import pytest
 
-from evac.base.change import REMEDIES, is_legal
+from evac.base.change import REMEDIES, Control, is_legal
 
 #: Values that a kind takes; all others of the table are refused.
 LEGAL = {
@@ -36,3 +36,8 @@ def test_a_kind_takes_its_values_and_no_others(kind):
     assert set(REMEDIES) <= set(LEGAL)
     found = [value for value in VALUES if is_legal(kind, value)]
     assert sorted(map(repr, found)) == sorted(map(repr, LEGAL[kind]))
+
+
+def test_a_control_is_told_by_what_it_has():
+    assert str(Control(every=2.0, most=40)) == "one person in 2 s, closes after 40 people"
+    assert str(Control(delay=1.0, hold=0.5)) == "opens after 1 s, closes by itself after 0.5 s"
