@@ -338,7 +338,9 @@ class DxfImporter(Importer):
         panes = [one for one in drawn if one.use == "windows"]
         leaves = [side for one in drawn if not one.is_curve and one.use != "stairs" for side in one.sides]
         doors, swings = doors_of(swings, [one.line for one in (*walls, *panes) if not one.is_curve], leaves)
-        lost = [pair for pair in swung if pair[0].use == "doors" and not any(pair[1] is one for one in swings)]
+        lost = [
+            pair for pair in swung if pair[0].use == "doors" and not any(pair[1].ends is one.ends for one in swings)
+        ]
         treads = [flight.ground.buffer(CLOSED) for flight in _flights_in(drawn)]
         swept = shapely.union_all([*(swing.sector.buffer(LEAF) for swing in swings), *treads])
         shapely.prepare(swept)

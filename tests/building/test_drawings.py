@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.recover.drawings import flights_of, plans_of, stairs_of
+from evac.building.recover.drawings import doors_of, flights_of, plans_of, stairs_of, swing_of
 
 
 def treads(number=9, going=0.28, width=1.2, at=(0.0, 0.0), turn=0.0):
@@ -59,3 +59,20 @@ def test_plans_are_numbered_in_rows_wherever_they_begin():
     found = plans_of([shapely.box(x, y, x + 20, y + 15).exterior for x, y in np.array(low)[[4, 2, 0, 3, 1]]])
     assert [part.bounds[0] + 1.25 for part in found] == pytest.approx([x for x, _ in low])
     assert [part.bounds[1] + 1.25 for part in found] == pytest.approx([y for _, y in low])
+
+
+@pytest.mark.parametrize(
+    ("leaf", "hinge"),
+    [
+        ([(7.85, 7.0), (6.99, 6.767)], (7.85, 7.0)),  # its arc has another centre
+        ([(7.464, 7.001), (6.984, 6.735)], (7.464, 7.001)),
+        ([(6.984, 6.735), (6.984, 6.2)], (7.464, 7.001)),  # no leaf of this door: its end is not at a wall
+    ],
+)
+def test_a_door_has_its_hinge_at_the_end_of_its_leaf(leaf, hinge):
+    angles = np.radians(np.linspace(180.0, 209.0, 9))
+    swing = swing_of(np.array([7.464, 7.001]) + 0.549 * np.column_stack([np.cos(angles), np.sin(angles)]))
+    wall, leaf = shapely.LineString([(0, 7), (12, 7)]), shapely.LineString(leaf)
+    doors, (used,) = doors_of([swing], [wall], [wall, leaf])
+    assert doors == pytest.approx(np.array([[*hinge, 6.915, 7.001]]))
+    assert used.sector.buffer(0.06).covers(leaf) == (leaf.coords[0] == hinge)

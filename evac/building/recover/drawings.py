@@ -328,9 +328,10 @@ def doors_of(
 
     `swings` [m]; `walls` [m]; `leaves` [m]: lines that may be leaves.
     """
-    drawn = shapely.STRtree([*leaves])
+    drawn = shapely.STRtree([leaf for leaf in leaves if leaf.length < LARGEST + LEAF])
     ground = shapely.union_all([*walls])
     shapely.prepare(ground)
+    swings = [_at_leaf(swing, drawn, ground) for swing in swings]
     own = [swing for swing in swings if RADII[0] * 0.9 <= swing.radius <= LARGEST]
     own = [one for one in own if ground.dwithin(shapely.Point(one.hinge), BESIDE_WALL)]
     tips = [shapely.MultiPoint(one.ends) for one in own]
@@ -347,6 +348,21 @@ def doors_of(
             doors.append(np.concatenate([one.hinge, one.ends[strike]]))
             used.append(one)
     return _joined(np.round(np.array(doors).reshape(-1, 4), 6)), used
+
+
+def _at_leaf(swing: Swing, leaves: shapely.STRtree, walls: BaseGeometry) -> Swing:
+    """Return a swing with its hinge at the leaf to whose tip it is drawn, if that is not at its centre."""
+    found = swing
+    for end, strike in (swing.ends, swing.ends[::-1]):
+        for leaf in leaves.geometries[leaves.query(shapely.Point(end), "dwithin", distance=LEAF)]:
+            tip, hinge = sorted(shapely.get_coordinates(leaf), key=lambda corner: float(np.hypot(*(corner - end))))
+            if np.hypot(*(hinge - swing.hinge)) < LEAF:
+                return swing
+            width = float(np.hypot(*(strike - hinge)))
+            is_door = abs(leaf.length - width) < LEAF and RADII[0] <= width <= LARGEST
+            if is_door and np.hypot(*(tip - end)) < LEAF and walls.dwithin(shapely.Point(strike), BESIDE_WALL):
+                found = replace(swing, hinge=hinge, radius=width, sector=shapely.convex_hull(swing.sector | leaf))
+    return found
 
 
 def _is_leaf(line: BaseGeometry, leaves: shapely.STRtree) -> bool:
