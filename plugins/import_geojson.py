@@ -194,7 +194,8 @@ class GeojsonImporter(Importer):
         for number, door in enumerate(storey.doors, start=1):
             self._add_door(plan, storey, door, f"{storey.name} {door.name or 'door'} {number}", parts, floor, outside)
         for number, (name, shape) in enumerate(storey.rooms, start=1):
-            plan.area(f"{storey.name} {name or 'room'} {number}", storey.name, shape)
+            own = flat_parts(shape & floor)  # without its walls
+            plan.area(f"{storey.name} {name or 'room'} {number}", storey.name, shape if own.is_empty else own)
         return [(f"ground of less than {LEAST_ROOM:g} m2 without a door", one) for one in small]
 
     def _add_door(

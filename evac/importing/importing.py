@@ -22,9 +22,8 @@ from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.plan import Plan
 from evac.building.plan.plantable import plan_of_building, plan_text, table_of
 from evac.building.surface.build import building_of, clean
-from evac.building.surface.foreign import turned
 from evac.building.surface.meshfile import tagged_surface, write_surface
-from evac.building.surface.resolution import likely_unit
+from evac.building.surface.resolution import likely_frame
 from evac.building.surface.surfacemesh import SurfaceMesh, checked
 from evac.contract.hooks import BASES
 from evac.contract.registry import Registry
@@ -262,10 +261,11 @@ class _Draft:
         else:
             self.kept.pop("weld", None)
             mesh = read.surface() if isinstance(read, Plan) else read
-            unit, why = (
-                (1.0, "") if "scale" in own.model_fields_set else likely_unit(turned(checked(source, mesh), own.up))
-            )
-            own = own.model_copy(update={"scale": unit * own.scale})
+            axes = (own.up,) if "up" in own.model_fields_set else ("z", "y")
+            up, unit, why = own.up, 1.0, ""
+            if "scale" not in own.model_fields_set:
+                up, unit, why = likely_frame(checked(source, mesh), axes)
+            own = own.model_copy(update={"scale": unit * own.scale, "up": up})
             _show("finding the surface on which people walk")
             surface = clean(mesh, source, own)
             building = building_of(surface, source, need_exit=False)

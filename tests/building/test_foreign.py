@@ -117,7 +117,25 @@ def test_units_are_recognised_by_the_heights_of_storeys_and_the_thickness_of_wal
     made = import_building([tmp_path / "a.obj"], tmp_path / "case", partial=True)
     ground = sum(level.polygon.area for level in made.building.levels if level.z_min < 1.0)
     assert ground == pytest.approx(12 * 8 * (unit * scale) ** 2, rel=0.1)
-    assert bool([one for one in made.findings if "(scale)" in one.text]) == (scale != 1.0)
+    assert bool([one for one in made.findings if "scale)" in one.text]) == (scale != 1.0)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [(1.0, 1.0), (1000.0, 0.001), (1 / 0.0254, 0.0254)])
+@pytest.mark.parametrize("height", [2.8, 9.0])
+def test_a_mesh_whose_y_axis_points_upwards_is_turned_if_its_walls_are_walls_then(tmp_path, unit, scale, height):
+    model = Model()
+    for low, high in (((0, 0), (10, 0.2)), ((0, 7.8), (10, 8)), ((0, 0.2), (0.2, 7.8)), ((9.8, 0.2), (10, 7.8))):
+        model.box(*low, 0, *high, height)
+    for z in (0.0, height + 0.2):
+        model.box(0, 0, z - 0.2, 10, 8, z)
+    points = unit * np.array(model.points) @ [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    lines = ["v " + " ".join(map(repr, point)) for point in points.tolist()]
+    lines += ["f " + " ".join(str(corner + 1) for corner in face) for face in model.faces]
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    turned = {"up": "y", "scale": scale} if height > 5.0 else {}  # of a hall, nothing is known
+    made = import_building([tmp_path / "a.obj"], tmp_path / "case", options=turned)
+    assert sum(level.polygon.area for level in made.building.levels) == pytest.approx(9.6 * 7.6, rel=1e-3)
+    assert bool([one for one in made.findings if "(up, scale)" in one.text]) == (not turned)
 
 
 def test_a_bare_surface_is_left_as_it_is(tmp_path):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import shapely
 from shapely import LineString, box
+from shapely.affinity import rotate
 
 from evac.building.recover.linework import faces_of, rooms_of
 
@@ -39,6 +40,26 @@ def test_walls_of_two_lines():
     assert found.floor.symmetric_difference(expected).area < 1e-6
     np.testing.assert_allclose(found.between, [[4.95, 2.0, 4.95, 2.9]])
     np.testing.assert_allclose(found.openings, [[0.0, 2.0, 0.0, 3.0]])
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_rooms_and_doors_are_the_same_at_any_angle(seed):
+    rng = np.random.default_rng(seed)
+    angle, move = rng.uniform(0.0, 360.0), rng.uniform(-50.0, 50.0, 2)
+    walls = box(0, 0, 10, 6).difference(shapely.union_all([box(0.3, 0.3, 9.7, 5.7), box(-0.1, 2, 0.4, 3)]))
+    inner = LineString([(4.9, 5.7), (4.9, 1.3), (5.1, 1.3), (5.1, 5.7)])  # 1 m to the wall below
+    single = LineString([(1, 0), (0, 0), (0, 4), (5, 4), (5, 0), (2, 0)])
+    for lines, area, openings, between in (
+        ([*outlines(walls), inner], 9.4 * 5.4 + 0.3 - 0.2 * 4.4, 1, 1),
+        ([single], 20.0, 1, 0),
+    ):
+        turned = [rotate(line, angle, (0, 0)) for line in lines]
+        found = rooms_of([shapely.transform(line, lambda xy: xy + move) for line in turned], 0.1, 2.5, 0.1)
+        assert found.floor.geom_type == "Polygon"
+        assert found.floor.area == pytest.approx(area, abs=0.01)
+        assert (len(found.openings), len(found.between), len(found.closed)) == (openings, between, 0)
+        for ends in (*found.openings, *found.between):
+            assert np.hypot(*(ends[2:] - ends[:2])) == pytest.approx(1.0, abs=1e-3)
 
 
 def test_what_is_wider_than_a_door_is_none():

@@ -374,7 +374,7 @@ def _door_lines(pieces: Lines, gap: float, door: float) -> list[tuple[FloatArray
     if not len(pieces) or not door > gap:
         return []
     nodes, at, count = _nodes(pieces)
-    tree = shapely.STRtree(pieces)
+    tree, corners = shapely.STRtree(pieces), shapely.STRtree(shapely.points(nodes))
     beside: dict[int, list[int]] = {}
     for a, b in at.tolist():
         beside.setdefault(a, []).append(b)
@@ -394,7 +394,11 @@ def _door_lines(pieces: Lines, gap: float, door: float) -> list[tuple[FloatArray
         way = way / np.hypot(*way)
         hits = [ahead(pieces, tree, nodes[start], way, door) for start in starts]
         if all(hit is not None and hit > gap for hit in hits):
-            pair = np.array([[*nodes[s], *(nodes[s] + h * way)] for s, h in zip(starts, hits, strict=True) if h])
+            far = np.array([nodes[s] + h * way for s, h in zip(starts, hits, strict=True) if h])
+            nearest = corners.query_nearest(shapely.points(far), all_matches=False)[1]
+            is_corner = np.hypot(*(nodes[nearest] - far).T) < LEAST_LENGTH
+            far = np.where(is_corner[:, None], nodes[nearest], np.round(far / NODING) * NODING)
+            pair = np.column_stack([nodes[starts], far])
             middle = pair.mean(axis=0)
             key = np.sort(np.round(middle.reshape(2, 2), 2).view("f8,f8"), axis=0)  # the same from both of its sides
             doors.setdefault(tuple(key.view(np.float64).ravel().tolist()), (middle, np.round(pair, 6) + 0.0))
@@ -412,9 +416,11 @@ def _is_jamb(across: FloatArray, back: list[FloatArray]) -> bool:
 def ahead(pieces: Lines, tree: shapely.STRtree, start: FloatArray, way: FloatArray, reach: float) -> float | None:
     """Return the distance from a point to the next wall in a direction [m]; None if there is none within reach."""
     ray = shapely.LineString([start + LEAST_LENGTH * way, start + reach * way])
-    hit = pieces[tree.query(ray, predicate="intersects")]
-    met = shapely.intersection(ray, hit)
-    return LEAST_LENGTH + float(shapely.distance(shapely.Point(ray.coords[0]), met).min()) if len(hit) else None
+    hit = pieces[tree.query(ray, predicate="dwithin", distance=LEAST_LENGTH / 2)]
+    corners = shapely.points(shapely.get_coordinates(hit))  # which lines on the grid may miss
+    met = [*shapely.intersection(ray, hit), *corners[shapely.dwithin(ray, corners, LEAST_LENGTH / 2)]]
+    far = shapely.distance(shapely.Point(ray.coords[0]), [one for one in met if not one.is_empty])
+    return LEAST_LENGTH + float(far.min()) if len(far) else None
 
 
 def _hull(pair: FloatArray) -> BaseGeometry:

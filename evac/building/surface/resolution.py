@@ -1,5 +1,6 @@
 """Size of a building in its file, its unit and axis, and the resolution of its coordinates."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from evac.base.defaults import FARTHEST, WELD
 from evac.base.errors import BuildingError
 from evac.building.geometry import plan_area
 from evac.building.model.findings import Finding
+from evac.building.surface.foreign import turned
 from evac.building.surface.patches import bodies
 from evac.building.surface.surfacemesh import TriangleMesh
 
@@ -20,8 +22,9 @@ LEAST_WIDTH = 0.5
 SMALLEST, LARGEST = 2.0, 5e3
 #: Units that are tried for meshes, and heights and thicknesses of walls that are believed [m].
 WALL_UNITS, TALL, THICK = (0.3048, 0.001, 0.01, 0.0254), (2.1, 5.0), (0.1, 0.6)
-#: Cosine of the slope of level faces, and how much larger upright ones towards y may be before the axes are doubted.
-LEVEL, MOST_UPRIGHT = 0.998, 3.0
+#: Cosine of the slope of level faces, and how much larger upright ones towards y may be before the axes are doubted,
+#: and must be before they are turned because of the walls.
+LEVEL, MOST_UPRIGHT, LEAST_UPRIGHT = 0.998, 3.0, 2.0
 #: Factors between length units that drawings and exporters confuse, the most likely first.
 FACTORS = (0.001, 0.01, 0.0254, 0.3048, 1000.0, 100.0, 1.0 / 0.0254, 1.0 / 0.3048)
 
@@ -64,8 +67,33 @@ def check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[F
     return [Finding("warning", text)]
 
 
-def likely_unit(mesh: TriangleMesh) -> tuple[float, str]:
-    """Return metres per unit of a mesh, by the bodies of its walls, and why if it is not 1."""
+def likely_frame(mesh: TriangleMesh, axes: Sequence[str]) -> tuple[str, float, str]:
+    """Return the axis that points upwards and metres per unit of a mesh, by its walls, and why if they are not z and 1.
+
+    `axes`: those that are possible, the likely one first.
+    """
+    up, wall, turns = axes[0], _largest_wall(turned(mesh, axes[0])), ""
+    if wall is None or wall[0] <= TALL[1]:
+        return up, 1.0, ""
+    units = _units(*wall)
+    if not units and len(axes) > 1 and _levelled(mesh, mesh.points) > LEAST_UPRIGHT:
+        other = _largest_wall(turned(mesh, axes[1])) or wall
+        units = [unit for unit in _units(*other) if unit != WALL_UNITS[0]]  # deep halls are none in feet
+        up, turns = (axes[1], f"{axes[1]} points upwards and ") if units else (up, "")
+    unit = (units or [1.0])[0]
+    why = f"1 unit is {unit:g} m: else walls would be {wall[0]:.2f} m high and {wall[1]:.2f} m thick (up, scale)"
+    return up, unit, turns + why if units else ""
+
+
+def _units(tall: float, thin: float) -> list[float]:
+    """Return the units with which a wall is as high and as thick as walls are."""
+    return [
+        unit for unit in (1.0, *WALL_UNITS) if TALL[0] <= tall * unit <= TALL[1] and THICK[0] <= thin * unit <= THICK[1]
+    ]
+
+
+def _largest_wall(mesh: TriangleMesh) -> tuple[float, float] | None:
+    """Return the height and the thickness of the largest body that is a wall [units]; None if there is none."""
     points, index = np.unique(mesh.points, axis=0, return_inverse=True)
     cells = index.ravel()[mesh.triangles]
     body = bodies(len(points), cells)
@@ -81,24 +109,25 @@ def likely_unit(mesh: TriangleMesh) -> tuple[float, str]:
     thick = 2.0 * ground * height / upright
     is_wall = (thick > 1e-3) & (length > 3.0 * thick) & (height > 3.0 * thick)
     if not is_wall.any():
-        return 1.0, ""
+        return None
     largest = int(np.where(is_wall, upright, 0.0).argmax())
     tall, thin = float(height[largest]), float(thick[largest])
     slabs = np.unique(np.round(high[:, 2][~is_wall & (ground > 0.1 * ground.max())], 1))
     gaps = np.diff(slabs)[np.diff(slabs) > thin * 3.0]
-    tall = min([tall, *gaps.tolist()])
-    fits = [unit for unit in WALL_UNITS if TALL[0] <= tall * unit <= TALL[1] and THICK[0] <= thin * unit <= THICK[1]]
-    unit = 1.0 if tall <= TALL[1] or not fits else fits[0]
-    why = f"1 unit is {unit:g} m: in metres, walls would be {tall:.2f} m high and {thin:.2f} m thick (scale)"
-    return unit, why if unit != 1.0 else ""
+    return min([tall, *gaps.tolist()]), thin
+
+
+def _levelled(mesh: TriangleMesh, points: FloatArray) -> float:
+    """Return the area of faces that are level with y upwards, over that with z upwards."""
+    sides = np.diff(points[mesh.triangles], axis=1)
+    normal = np.abs(np.cross(sides[:, 0], sides[:, 1]))
+    _, y, z = normal[normal.max(axis=1) >= LEVEL * np.linalg.norm(normal, axis=1)].sum(axis=0).tolist()
+    return y / z if z else float(np.inf if y else 0.0)
 
 
 def doubted_axis(mesh: TriangleMesh, points: FloatArray) -> list[Finding]:
     """Doubt that z points upwards, if faces that are level with y upwards are by far larger."""
-    sides = np.diff(points[mesh.triangles], axis=1)
-    normal = np.abs(np.cross(sides[:, 0], sides[:, 1]))
-    _, y, z = normal[normal.max(axis=1) >= LEVEL * np.linalg.norm(normal, axis=1)].sum(axis=0).tolist()
-    if y <= MOST_UPRIGHT * z:
+    if _levelled(mesh, points) <= MOST_UPRIGHT:
         return []
     text = 'most faces are level if y points upwards, and upright now: building.up = "y" turns them'
     return [Finding("warning", text)]
