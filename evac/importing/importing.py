@@ -23,7 +23,7 @@ from evac.building.plan.plan import Plan
 from evac.building.plan.plantable import plan_of_building, plan_text, table_of
 from evac.building.surface.build import building_of, clean
 from evac.building.surface.meshfile import tagged_surface, write_surface
-from evac.building.surface.resolution import likely_frame
+from evac.building.surface.resolution import Axis, likely_frame
 from evac.building.surface.surfacemesh import SurfaceMesh, checked
 from evac.contract.hooks import BASES
 from evac.contract.registry import Registry
@@ -261,7 +261,7 @@ class _Draft:
         else:
             self.kept.pop("weld", None)
             mesh = read.surface() if isinstance(read, Plan) else read
-            axes = (own.up,) if "up" in own.model_fields_set else ("z", "y")
+            axes: tuple[Axis, ...] = (own.up,) if "up" in own.model_fields_set else ("z", "y")
             up, unit, why = own.up, 1.0, ""
             if "scale" not in own.model_fields_set:
                 up, unit, why = likely_frame(checked(source, mesh), axes)

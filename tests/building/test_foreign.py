@@ -120,6 +120,19 @@ def test_units_are_recognised_by_the_heights_of_storeys_and_the_thickness_of_wal
     assert bool([one for one in made.findings if "scale)" in one.text]) == (scale != 1.0)
 
 
+def test_a_mesh_without_a_floor_that_has_headroom_is_refused(tmp_path):
+    model = Model()
+    for x in (0, 6, 12):
+        model.box(x, 0, 0, x + 0.4, 8, 8.5)
+    for z in (0, 2.7, 5.5):
+        model.box(0, 0, z - 0.2, 12, 8, z)
+    lines = ["v " + " ".join(map(repr, point)) for point in np.array(model.points).tolist()]
+    lines += ["f " + " ".join(str(corner + 1) for corner in face) for face in model.faces]
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    with pytest.raises(BuildingError, match=r"no face is a floor .*building\.headroom"):
+        import_building([tmp_path / "a.obj"], tmp_path / "case", options={"up": "y", "scale": 0.3048})
+
+
 @pytest.mark.parametrize(("unit", "scale"), [(1.0, 1.0), (1000.0, 0.001), (1 / 0.0254, 0.0254)])
 @pytest.mark.parametrize("height", [2.8, 9.0])
 def test_a_mesh_whose_y_axis_points_upwards_is_turned_if_its_walls_are_walls_then(tmp_path, unit, scale, height):

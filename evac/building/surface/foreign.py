@@ -88,6 +88,9 @@ def walked_surface(
     # Overlays leave sides as short as the grid, which no triangulation has room for.
     plans = [flat_parts(shapely.set_precision(patch.plan, weld / 10.0)) for patch in after]
     pairs = [(patch, plan) for patch, plan in zip(after, plans, strict=True) if not plan.is_empty]
+    if not pairs:
+        text = "; ".join(note.text for note in notes)
+        raise BuildingError(f"{mesh.source}: no face is a floor with headroom above it ({text}): set building.headroom")
     try:
         drawn = SurfaceMesh.of_polygons([(tuple(patch.tags) or "", plan, patch.height_at) for patch, plan in pairs])
     except ValueError as error:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from evac.building.surface.foreign import turned
 from evac.building.surface.patches import bodies
 from evac.building.surface.surfacemesh import TriangleMesh
 
+#: Axis that points upwards.
+Axis = Literal["z", "y"]
 #: Maximum extent of a building [m].
 MOST_EXTENT = 1e5
 #: Minimum width of a building [m], in its larger direction: nobody fits into a smaller one.
@@ -67,7 +70,7 @@ def check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[F
     return [Finding("warning", text)]
 
 
-def likely_frame(mesh: TriangleMesh, axes: Sequence[str]) -> tuple[str, float, str]:
+def likely_frame(mesh: TriangleMesh, axes: Sequence[Axis]) -> tuple[Axis, float, str]:
     """Return the axis that points upwards and metres per unit of a mesh, by its walls, and why if they are not z and 1.
 
     `axes`: those that are possible, the likely one first.
