@@ -4,11 +4,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, counted
 from evac.base.parameters import Parameter, did_you_mean
 from evac.base.saved import Bounds
+from evac.building.model.building import FLAT
 from evac.directions.routes import Route
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.places import have_stopped
@@ -20,6 +22,10 @@ PAUSE = 0.1
 #: Decrease of the remaining travel time of the last member below its minimum so far that counts as progress [s].
 PROGRESS = 0.5
 
+#: Distance [m] and difference of the remaining travel times [s] up to which somebody is close behind, and the share of
+#: the desired speed below which this person does not get on.
+BEHIND, LATER, HELD_UP = 1.5, 5.0, 0.5
+
 # What the members of a unit do.
 GATHERS, COUNTS, LEAVES = range(3)
 
@@ -30,7 +36,7 @@ class Together(Behaviour):
     A unit consists of `size` people of a group, or of all people of the groups with the same `unit`. Positions are
     compared by the remaining travel time T. A member who is ahead of the last one by dT = T_last - T, or by T if that
     is less, walks at the share 2 (1 - dT / lag) of the speed, limited to [0, 1]. Nobody waits for a last member who has
-    made no progress for `patience`.
+    made no progress for `patience`, nor before people of other units who are close behind and do not get on.
 
     A unit with the key `gather`, the name of an area in `places`, goes there first. Once all members have arrived, or
     `patience` after the last arrival, they are counted, which takes the time `count`, and leave. An example is a class
@@ -40,7 +46,7 @@ class Together(Behaviour):
 
     name = "together"
     saved = ("_stage", "_since", "_least", "_counted", "_arrived")
-    reads = ("position", "level", "contact_radius", "route", "start_time")
+    reads = ("position", "level", "contact_radius", "route", "start_time", "speed")
     writes = ("route", "speed_factor")
     group_keys = ("size", "unit", "gather")
 
@@ -148,7 +154,30 @@ class Together(Behaviour):
         self._least[progresses], self._since[progresses] = last[progresses], time
         waits = np.isfinite(remaining) & (time - self._since[unit] <= self.patience)
         lead: FloatArray = np.minimum(np.where(waits, last[unit] - remaining, 0.0), remaining)
-        crowd.speed_factor[rows[waits]] *= np.clip(2.0 * (1.0 - lead[waits] / self.lag), 0.0, 1.0)
+        ahead = np.flatnonzero(lead > 0.5 * self.lag)
+        ahead = ahead[~self._holds_up(crowd, time, rows[ahead], remaining[ahead])]
+        crowd.speed_factor[rows[ahead]] *= np.maximum(2.0 * (1.0 - lead[ahead] / self.lag), 0.0)
+
+    def _holds_up(self, crowd: Crowd, time: float, rows: IntArray, remaining: FloatArray) -> NDArray[np.bool_]:
+        """Return behind which of those who would wait others are close who do not get on."""
+        waits = np.zeros(len(crowd.level), np.bool_)
+        waits[rows] = True
+        unit = np.full(len(crowd.level), -1)
+        unit[self._rows] = self._unit
+        slow = np.hypot(*self._scene.displacement_velocity.T) < HELD_UP * crowd.speed[:, FLAT]
+        slow = np.flatnonzero(slow & (crowd.level >= 0) & (crowd.start_time < time))
+        near = cKDTree(crowd.position[rows]).query_ball_point(crowd.position[slow], BEHIND) if len(rows) else []
+        ahead = np.array([k for own in near for k in own], np.intp)
+        other = np.repeat(slow, [len(own) for own in near]) if len(rows) else slow[:0]
+        later = self._scene.scene.fields.travel_time_at(
+            crowd.level[other], crowd.position[other], crowd.route[rows[ahead]], crowd.contact_radius[rows[ahead]]
+        )
+        later -= remaining[ahead]
+        is_behind = (later > 0.0) & (later < LATER) & (unit[other] != unit[rows[ahead]])
+        ahead, other = ahead[is_behind], other[is_behind]
+        while (goes_on := waits[rows[ahead]] & ~waits[other]).any():  # who goes on may be held up in turn
+            waits[rows[ahead[goes_on]]] = False
+        return ~waits[rows]
 
     def notes(self) -> tuple[str, ...]:
         """Return a line for each unit that was to gather and was not counted, or of which people were missing."""

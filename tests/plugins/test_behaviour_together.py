@@ -1,6 +1,7 @@
 """Families and classes: how far apart they are, that they gather and are counted first, and resumed runs."""
 
 import numpy as np
+import pytest
 from shapely import box
 
 import evac
@@ -192,3 +193,23 @@ def test_wheelchairs_gather_without_stairs():
     assert simulation.ended == "everybody out"
     assert not on_stair[crowd.group == 1].any()
     assert on_stair[crowd.group == 0].any()
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_nobody_waits_for_a_family_that_is_waiting(together):
+    """In a corridor in which nobody passes, the slow one is the last of four, and three others are between."""
+    plan = evac.Plan()
+    plan.storey("floor", box(0, 0, 40, 0.9))
+    plan.exit("out", "floor", [(40, 0), (40, 0.9)])
+    positions = {"first": [[10, 0.45]], "others": [[8.5, 0.45], [7.5, 0.45], [6.5, 0.45]], "last": [[1, 0.45]]}
+    people = [
+        {"name": name, "positions": places, "level": "floor", "speed": 0.4 if name == "last" else 1.2}
+        for name, places in positions.items()
+    ]
+    for group in people[::2] if together else []:
+        group["behaviours"] = {"together": {"unit": "family"}}
+    behaviours = {"walking": {}} | ({"together": {}} if together else {})
+    results = evac.run({"building": plan, "people": people, "behaviours": behaviours, "contact": {"model": "nsm2"}})
+    assert results.ended == "everybody out"
+    times = results.people.groupby("group")["exit_time"].max()
+    assert times["others"] < 50.0 < times["last"]
