@@ -37,7 +37,7 @@ def execute_plugins(arguments: argparse.Namespace) -> int:
 
     `evac plugins --check FILE` applies the checks of `evac.conformance.check_plugin` to everything in a plugin file,
     and ends with status 2 if one of them fails. With `--case CASE`, they use this case, which may have data for the
-    plugin, instead of a shipped one. The case is also run, to say which methods and lines of the plugin ran in it.
+    plugin, instead of a shipped one. The case is also run, to say which methods of the plugin ran in it.
     """
     if arguments.check is not None:
         return _check(arguments.check, arguments.plugins, arguments.case)

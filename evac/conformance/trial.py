@@ -1,4 +1,4 @@
-"""What a plugin does in a case: which of its methods and lines run, and whether the run is another one without it."""
+"""What a plugin does in a case: which of its methods run, and whether the run is another one without it."""
 
 import inspect
 import sys
@@ -22,12 +22,11 @@ OPTIONAL = {"behaviour": "behaviours", "force": "forces"}
 def tried_in(case: Case, plugins: list[tuple[str, str]]) -> Iterator[str]:
     """Run a case, and yield lines on plugins of one file, each given as kind and name."""
     classes = {name: case.registry.get(kind, name) for kind, name in plugins}
-    files = {Path(inspect.getfile(cls)).resolve() for cls in classes.values()}
-    with _traced(files) as (calls, lines):
+    with _counted({str(Path(inspect.getfile(cls)).resolve()) for cls in classes.values()}) as calls:
         whole = Simulation(case)
         whole.run()
     for kind, name in plugins:
-        yield from (f"{kind} {name}: {line}" for line in _methods(classes[name], calls, lines))
+        yield from (f"{kind} {name}: {line}" for line in _methods(classes[name], calls))
         if kind in OPTIONAL and getattr(case, OPTIONAL[kind]).get(name, False) is False:
             yield f"{kind} {name}: the case does not use it; add [{OPTIONAL[kind]}.{name}]"
         elif kind in OPTIONAL:
@@ -46,40 +45,27 @@ def _same(one: Simulation, other: Simulation) -> bool:
     )
 
 
-def _methods(cls: type, calls: Counter[CodeType], lines: set[tuple[CodeType, int]]) -> Iterator[str]:
+def _methods(cls: type, calls: Counter[CodeType]) -> Iterator[str]:
     """Yield a line for each method of a class that is written in Python."""
     for method in vars(cls).values():
         code = getattr(getattr(method, "__func__", method), "__code__", None)
-        if not isinstance(code, CodeType):
-            continue
-        if not calls[code]:
-            yield f"{code.co_name} never ran"
-            continue
-        first = code.co_firstlineno
-        known = {line for _, _, line in code.co_lines() if line is not None and line > first}
-        missing = sorted(known - {line for own, line in lines if own is code})
-        left = f", but not line {', '.join(map(str, missing))}" if missing else ""
-        yield f"{code.co_name} ran {'once' if calls[code] == 1 else counted(calls[code], 'time')}{left}"
+        if isinstance(code, CodeType):
+            ran = "ran once" if calls[code] == 1 else f"ran {counted(calls[code], 'time')}"
+            yield f"{code.co_name} {ran if calls[code] else 'never ran'}"
 
 
 @contextmanager
-def _traced(files: set[Path]) -> Iterator[tuple[Counter[CodeType], set[tuple[CodeType, int]]]]:
-    """Count the calls of functions in files, and note the lines that run."""
-    calls, lines, names = Counter[CodeType](), set[tuple[CodeType, int]](), {str(file) for file in files}
+def _counted(files: set[str]) -> Iterator[Counter[CodeType]]:
+    """Count the calls of functions in files."""
+    calls = Counter[CodeType]()
 
-    def on_line(frame: FrameType, event: str, _: Any) -> Any:
-        lines.add((frame.f_code, frame.f_lineno))
-        return on_line
+    def on_event(frame: FrameType, event: str, _: Any) -> None:
+        if event == "call" and frame.f_code.co_filename in files:
+            calls[frame.f_code] += 1
 
-    def on_call(frame: FrameType, event: str, _: Any) -> Any:
-        if frame.f_code.co_filename not in names:
-            return None
-        calls[frame.f_code] += 1
-        return on_line
-
-    before = sys.gettrace()
-    sys.settrace(on_call)
+    before = sys.getprofile()
+    sys.setprofile(on_event)
     try:
-        yield calls, lines
+        yield calls
     finally:
-        sys.settrace(before)
+        sys.setprofile(before)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from evac.base.change import REMEDIES, Control, is_legal
+from evac.base.change import REMEDIES, Change, Control, is_legal
 
 #: Values that a kind takes; all others of the table are refused.
 LEGAL = {
@@ -41,3 +41,15 @@ def test_a_kind_takes_its_values_and_no_others(kind):
 def test_a_control_is_told_by_what_it_has():
     assert str(Control(every=2.0, most=40)) == "one person in 2 s, closes after 40 people"
     assert str(Control(delay=1.0, hold=0.5)) == "opens after 1 s, closes by itself after 0.5 s"
+
+
+def test_the_end_of_a_change_is_told_as_such():
+    for kind, ends in {
+        "no_entry": "open to those",
+        "one_way": "two-way",
+        "bar": "free",
+        "move": "stands still",
+    }.items():
+        assert ends in Change(1.0, kind, "a", {"value": False}).words
+    assert Change(1.0, "bar", "a").words == "'a' barred"
+    assert str(Change(2.5, "close", "a", {"value": "bodies"})) == "'a' closed for bodies alone at 2.5 s"

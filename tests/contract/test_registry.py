@@ -179,6 +179,16 @@ def test_a_kernel_in_a_file_is_compiled(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
+        ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_contact_model():\n    return []\n",
+         ["there is no hook 'evac_contact_model'", "did you mean 'evac_contact_models'?"]),
+        ("def evac_forces():\n    return []\n", ["evac_forces", "@hookimpl"]),
+        ("from evac import Force\nclass A(Force):\n    name = 'a'\n", ["A has no cutoff(), which every Force needs"]),
+        ("import no_such_module\n", ["cannot be loaded", "ModuleNotFoundError", "no_such_module"]),
+        ("from evac.contract.hooks import hookimpl\n@hookimpl\ndef evac_forces():\n    return 'social'\n",
+         ["evac_forces() returns 'social'"]),
+        ("from evac import Parameter, Recorder\nclass A(Recorder):\n    name = 'a'\n"
+         "    size = Parameter(0, 'size', minimum=1)\n    def record(self, simulation):\n        pass\n",
+         ["the default of a.size: must be at least 1, got 0"]),
         ("from evac import Behaviour\nclass A(Behaviour):\n    name = 'a'\n    def act(self, crowd, time):\n"
          "        pass\nevac_behaviours = [A]\n",
          ["evac_behaviours is an object of class list", "line 7", "@hookimpl"]),
@@ -258,6 +268,16 @@ def test_the_importer_registered_last_reads_a_file(tmp_path):
     assert registry.importer_for(Path("house.plan"), without=["other"]) is registry.importers["one"]
     with pytest.raises(BuildingError, match=r"house\.dxf: .*'\.dxf'.*\.plan, \.plan\.txt"):
         registry.importer_for(Path("house.dxf"))
+
+
+def test_a_plugin_provides_all_of_its_cases(tmp_path):
+    folders = [tmp_path / name for name in ("hall", "tower")]
+    for folder in folders:
+        folder.mkdir()
+        (folder / "case.toml").touch()
+    text = "from evac import hookimpl\nevac_interface = 3\n@hookimpl\ndef evac_building_cases():\n    return "
+    path = written(tmp_path, "cases.py", f"{text}{[str(folder) for folder in folders]}\n")
+    assert bare(path).cases == dict(zip(("hall", "tower"), folders, strict=True))
 
 
 def test_one_name_claimed_twice_names_both(tmp_path):

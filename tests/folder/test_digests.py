@@ -1,5 +1,6 @@
 """What tells runs, studies and imports from others, and records of an Arrow stream, of which no damage is read."""
 
+import hashlib
 import io
 import itertools
 
@@ -8,7 +9,7 @@ import pyarrow.ipc
 import pytest
 
 from evac.base.errors import EvacError
-from evac.folder.digests import differences, digest_of_data, digest_of_file, read_sealed, sealed
+from evac.folder.digests import RunningDigest, differences, digest_of_data, digest_of_file, read_sealed, sealed
 
 
 def test_differences_have_their_keys_and_both_values():
@@ -28,6 +29,15 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
     assert digest_of_file(tmp_path / "a") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
     with pytest.raises(EvacError, match="missing"):
         digest_of_file(tmp_path / "missing")
+
+
+def test_a_digest_goes_on_as_its_file_grows_and_begins_anew_where_it_is_shorter(tmp_path):
+    path, running = tmp_path / "a", RunningDigest()
+    for text in (b"abc", b"abcdef", b"xy"):
+        path.write_bytes(text)
+        assert running.extend(path, len(text)) == hashlib.sha256(text).hexdigest()
+    with pytest.raises(EvacError, match="2 bytes, not 3"):
+        running.extend(path, 3)
 
 
 TABLE = pa.table({"run": [3], "times": [[1.5, 2.5, 3.5]], "words": ["deep"]})
