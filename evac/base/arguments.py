@@ -27,13 +27,7 @@ PATH: Any = str | PathLike
 
 
 def check_types(**given: tuple[Any, Any]) -> None:
-    """Check arguments, each given with its type or a union of types; texts are no lists, and True is no number.
-
-    Raises
-    ------
-    ScenarioError
-        The first argument that has none of its types.
-    """
+    """Check arguments, each given with its type or a union of types; texts are no lists, and True is no number."""
     for name, (value, kind) in given.items():
         kinds = get_args(kind) or (kind,)
         if (

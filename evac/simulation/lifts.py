@@ -83,19 +83,6 @@ class Lifts(Saved):
     A car lets in the people before its door who ride lifts, the nearest first, as many as there are places left; for
     all others the open door is a wall, and those inside may always get out. Doors take the time that it takes them, and
     wait for whom they would hit. Who does not get out of their way steps back.
-
-    Attributes
-    ----------
-    phase, stop, to : (lifts,) int64
-        What each car does, the stop where it is or which it has left, and that to which it rides.
-    until : (lifts,) float64
-        When the phase ends [s].
-    waits_since : (people,) float64
-        Since when each person has waited before a door [s]; NaN for who does not, or is in a car.
-    trips : (m, 6) float64
-        The rides so far, with the columns of `Trip`.
-    rides : (r, 3) float64
-        Who has ridden: person, lift, and how long the person has waited [s].
     """
 
     saved = (
@@ -108,11 +95,13 @@ class Lifts(Saved):
         self._dispatcher = dispatcher
         self._scene, self._lifts, self._crowd = scene, scene.building.lifts, scene.people.crowd
         people = len(self._crowd.level)
+        # What each car does, until when [s], where it is or what stop it has left, and to which it rides.
         self.phase, self.to, self._count = np.zeros((3, len(self._lifts)), np.int64)
         self.stop = np.array([lift.start for lift in self._lifts], np.int64)
         self._lets_out = np.zeros(len(self._lifts), np.bool_)  # cars whose doors have opened for those inside
         self.until, self._last = np.zeros((2, len(self._lifts)))
-        self.waits_since = np.full(people, np.nan)
+        self.waits_since = np.full(people, np.nan)  # before a door [s]; NaN for who does not wait, or is in a car
+        # The rides so far as `Trip`, and who has ridden: person, lift, and how long the person has waited [s].
         self.trips, self.rides = np.zeros((0, len(Trip._fields))), np.zeros((0, 3))
         self._called: NDArray[np.int64] = np.full(people, -1, np.int64)  # car to which each person was called
         self._place = np.full((people, 2), np.nan)  # where each person stands in its car [m]

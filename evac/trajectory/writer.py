@@ -51,13 +51,7 @@ class TrajectoryWriter:
 
     The header is JSON data, to which format, fields and origin are added. With a `length` [bytes], the file exists and
     is continued after so many bytes; with `memory`, it is written there, and the path is only a name. Positions are
-    relative to the origin, so that float32 is precise enough.
-
-    Attributes
-    ----------
-    path : Path
-    length : int
-        Number of bytes written: the end of the last frame, or of the header if there is none.
+    relative to the origin, so that float32 is precise enough. The attribute `length` counts the bytes written.
     """
 
     def __init__(
