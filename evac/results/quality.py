@@ -2,7 +2,7 @@
 
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,8 +10,10 @@ import numpy as np
 from evac.analysis.hydraulic import ESCALATORS, LABORATORY, STAIRS
 from evac.analysis.lines import LineFlow
 from evac.analysis.queues import NEAR
+from evac.base.arrays import FloatArray
 from evac.base.errors import counted
-from evac.building.model.building import Building
+from evac.building.model.building import FLAT, Building, Exit
+from evac.directions.routes import QUICKEST
 from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, DENSITY, DENSITY_SPAN, Observation
 
 if TYPE_CHECKING:
@@ -176,6 +178,39 @@ def queue_warnings(results: "Results") -> tuple[str, ...]:
     return tuple(lines)
 
 
+def _idle_exits(results: "Results") -> Iterator[str]:
+    """Yield a line for each open exit that nobody left by while people who may take it queued at another one nearby.
+
+    They could have walked straight to it in the time for which it was idle, and did not choose exits by the queues.
+    """
+    if results.trajectory is None:
+        return
+    crowd, exits, told = results.crowd, {one.name: one for one in results.building.exits}, set[str]()
+    for queue in (one for one in results.queues if one.kind == "exit" and not one.is_little):
+        own = exits[queue.name]
+        queued = crowd.exit_used == own.index
+        routes = [results.routes[k] for k in np.unique(crowd.route[queued]).tolist()]
+        for other in (one for one in exits.values() if one.level == own.level and one is not own):
+            left = crowd.exit_time[crowd.exit_used == other.index]
+            since = max(queue.start, left[left < queue.end].max(initial=0.0))
+            away = float(np.hypot(*(_middle(other) - _middle(own))))
+            is_open = all(results.trajectory.building_at(time).is_open(other) for time in (since, queue.end))
+            chosen = any(route.leads_to(other.name) and route.strategy != QUICKEST for route in routes)
+            idle = queue.end - since
+            if chosen and is_open and other.name not in told and idle * crowd.speed[queued, FLAT].mean() > away:
+                told.add(other.name)
+                yield (
+                    f"Nobody left by exit {other.name!r} from {since:.1f} to {queue.end:.1f} s while people queued at "
+                    f'exit {own.name!r}, {away:.1f} m away: with strategy = "{QUICKEST}", they choose by the queues'
+                )
+
+
+def _middle(exit_: Exit) -> FloatArray:
+    """Return the mean of the ends of the segments of an exit (2,) [m]."""
+    middle: FloatArray = exit_.segments.reshape(-1, 2).mean(axis=0)
+    return middle
+
+
 def _models(names: Sequence[str]) -> str:
     return _options([f"contact.model={name}" for name in names])
 
@@ -205,7 +240,7 @@ def _where(seen: Observation, levels: Sequence[str]) -> str:
 
 
 def remarks_of(results: "Results") -> tuple[str, ...]:
-    """Return a line for each kind of people who did not leave by their route, and the notes of behaviours."""
+    """Return a line for each kind of people who did not leave by their route, idle exits, and notes of behaviours."""
     people, level = results.number_of_people, results.crowd.level
     leaving = np.setdiff1d(results.leaving, results.stopped)
     inside = leaving[level[leaving] >= 0]
@@ -244,6 +279,7 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
         lines.append(f"{_number(len(entered))} entered {name!r} while it was barred, because they had no other way")
     if pushed := len(results.left_by_other_exits):
         lines.append(f"{_number(pushed)} left by an exit outside their route: their exit closed, or they were pushed")
+    lines += _idle_exits(results)
     if results.stuck:
         first = results.stuck[0]
         x, y = results.crowd.position[first]

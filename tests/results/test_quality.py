@@ -122,3 +122,33 @@ def test_an_exit_that_few_leave_by_while_others_queue_has_a_warning(tmp_path):
     case["people"][1]["behaviours"]["response_time"]["time"] = 5.0
     results = evac.run(evac.load(case), tmp_path / "none")
     assert not [line for line in results.quality_warnings if line.startswith("flow lower")]
+
+
+CLOSED = [{"time": 0.0, "kind": "close", "target": "far"}]
+
+
+@pytest.mark.parametrize(
+    ("group", "events", "length", "is_told"),
+    [
+        ({}, [], 12.0, True),
+        ({"strategy": "quickest"}, [], 12.0, False),
+        ({"exits": ["near"]}, [], 12.0, False),
+        ({}, CLOSED, 12.0, False),
+        ({}, [], 60.0, False),  # too far to be reached before the queue is over
+    ],
+)
+def test_an_exit_that_nobody_leaves_by_while_people_queue_at_another_is_told(group, events, length, is_told):
+    plan = evac.Plan()
+    plan.storey("room", [shapely.box(0, 0, length, 5)])
+    plan.exit("near", "room", [(0, 2.1), (0, 2.9)])
+    plan.exit("far", "room", [(length, 1.5), (length, 3.5)])
+    plan.area("start", "room", shapely.box(0.5, 0.2, 5, 4.8))
+    case = {
+        "building": plan,
+        "contact": {"model": "nsm2"},
+        "people": [{"name": "crowd", "area": "start", "number": 50, "speed": 1.3, **group}],
+        "event": events,
+        "behaviours": {"walking": {}},
+    }
+    lines = [line for line in evac.run(evac.load(case)).remarks if "exit 'far'" in line and "exit 'near'" in line]
+    assert len(lines) == is_told
