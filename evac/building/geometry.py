@@ -229,6 +229,7 @@ def side_of(segment: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
     return np.asarray((x2 - x1) * (y - y1) - (y2 - y1) * (x - x1))
 
 
+@remembered
 def sides(polygon: BaseGeometry) -> FloatArray:
     """Return the sides (s, 4) of a polygon or multipolygon, with its interior on their left [m]."""
     rings = shapely.get_rings(shapely.orient_polygons(shapely.get_parts(polygon)))
@@ -255,20 +256,6 @@ def points_on(
     on = np.flatnonzero((share > END) & (share < 1.0 - END) & (off <= distance))
     on = on[np.lexsort((share[on], rows[on]))]
     return rows[on], found[on]
-
-
-def are_beside(segments: FloatArray, others: FloatArray, reach: float) -> BoolArray:
-    """Return (s, o) where others (o, 4) may lie along segments (s, 4), at most `reach` from their lines [m]."""
-    length, lengths = segment_lengths(segments), segment_lengths(others)
-    start = segments[:, None, :2]
-    step = ((segments[:, 2:] - segments[:, :2]) / np.maximum(length, LEAST_LENGTH)[:, None])[:, None]
-    way = ((others[:, 2:] - others[:, :2]) / np.maximum(lengths, LEAST_LENGTH)[:, None])[None]
-    ends = np.stack([others[None, :, :2], others[None, :, 2:]]) - start
-    share, off = (ends * step).sum(axis=-1), ends[..., 1] * step[..., 0] - ends[..., 0] * step[..., 1]
-    overlap = np.minimum(share.max(axis=0), length[:, None]) - np.maximum(share.min(axis=0), 0.0)
-    is_near = (off.min(axis=0) <= reach + GRID) & (off.max(axis=0) >= -reach - GRID)
-    are: BoolArray = is_near & (overlap > -reach) & (np.abs((way * step).sum(axis=-1)) > ALONG)
-    return are
 
 
 def pieces_along(segments: FloatArray, ends: FloatArray, reach: float) -> tuple[FloatArray, IndexArray]:

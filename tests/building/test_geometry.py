@@ -6,11 +6,8 @@ import shapely
 from scipy import sparse
 
 from evac.building.geometry import (
-    are_beside,
     connected_components,
-    pieces_along,
     remembered,
-    segment_lengths,
     triangulate,
     union,
 )
@@ -71,15 +68,3 @@ def test_results_are_remembered_by_the_content_of_shapes_arrays_and_numbers():
         with pytest.raises(ValueError, match="reach"):
             area([], ends, -1.0)
     assert len(calls) == 7
-
-
-def test_all_pieces_along_a_line_are_of_segments_beside_it():
-    draw, count = np.random.default_rng(1), 0
-    for spread in (0.3, 0.02) * 1000:
-        ends = np.round(draw.uniform(0, 6, (1, 4)), 2)
-        along = np.tile((ends[0, 2:] - ends[0, :2]) / segment_lengths(ends), 2)
-        other = np.round(ends + draw.normal(0, spread, 4) + draw.uniform(-3, 3) * along, 3)
-        if len(pieces_along(other, ends[0].reshape(2, 2), 0.6)[0]):
-            count += 1
-            assert are_beside(ends, other, 0.6).all()
-    assert count > 1000

@@ -15,7 +15,7 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.parameters import did_you_mean
 from evac.base.toml import toml_value
-from evac.building.geometry import GRID, are_beside, flat_parts, pieces_along, rounded, segment_lengths, sides
+from evac.building.geometry import GRID, flat_parts, pieces_along, rounded, segment_lengths, sides
 from evac.building.model.findings import Finding, noting
 from evac.building.plan.plan import Item, Plan, Room, Shaft, Stair, Storey, Tie
 
@@ -160,9 +160,8 @@ def _tied(
 def _between(tie: Tie, one: BaseGeometry, other: BaseGeometry) -> FloatArray:
     """Return the longest straight wall (2, 2) between two rooms, from its end with the least (x, y)."""
     own, others = sides(one), sides(other)
-    rows, columns = np.nonzero(are_beside(others, own, DOOR_REACH))
-    ends = others[rows].reshape(-1, 2, 2)
-    pieces, found = pieces_along(own[columns], ends, DOOR_REACH)
+    ends = others.repeat(len(own), axis=0).reshape(-1, 2, 2)
+    pieces, found = pieces_along(np.tile(own, (len(others), 1)), ends, DOOR_REACH)
     near, start, end = rounded(pieces).reshape(-1, 2, 2), ends[found, :1], ends[found, 1:]
     step = (end - start) / np.linalg.norm(end - start, axis=-1, keepdims=True)
     far = start + ((near - start) * step).sum(axis=-1, keepdims=True) * step

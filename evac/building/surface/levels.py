@@ -1,6 +1,7 @@
 """Levels of a surface, and the portals, exits, walls and doors between and around them."""
 
 import itertools
+from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -63,11 +64,11 @@ def chains(vertices: FloatArray, ends: IndexArray) -> list[FloatArray]:
     A chain ends where the next edge is missing or ambiguous. A closed chain starts and ends at its smallest
     vertex, which is a corner. Chains are sorted by their vertices.
     """
-    starts, lines = vertices[ends[:, 0], :2], []
+    starting, lines = Counter(map(tuple, vertices[ends[:, 0], :2].tolist())), []
     edges = shapely.multilinestrings(vertices[ends][:, :, :2])
     for line in shapely.get_parts(shapely.line_merge(edges, directed=True)):
         corners = shapely.get_coordinates(line)
-        if (corners[0] == corners[-1]).all() and (starts == corners[0]).all(axis=1).sum() == 1:
+        if (corners[0] == corners[-1]).all() and starting[tuple(corners[0].tolist())] == 1:
             least = np.lexsort(corners[:-1].T[::-1])[0]
             corners = np.concatenate([corners[least:-1], corners[: least + 1]])
         lines.append(corners.tolist())
