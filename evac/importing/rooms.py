@@ -14,7 +14,7 @@ from evac.base.errors import counted
 from evac.building.geometry import segment_lengths
 from evac.building.model.building import Building, Level
 from evac.building.model.elevation import level_elevation
-from evac.building.model.findings import Finding, numbered
+from evac.building.model.findings import Finding, keyed, numbered
 from evac.building.model.links import isolated_parts, levels_reaching
 from evac.people.starts import divided, left_out
 
@@ -189,7 +189,7 @@ def with_missing(building: Building, findings: Sequence[Finding]) -> list[Findin
         lacks.append(f"{area:.1f} m2 of ground ({share:.0f} %){other} have no way out: {_names(rest)}")
         told += rest
     names_told = {level.name for level in told}
-    again = {one for one in isolated_parts(building) if one.level in names_told}
+    again = {one for one in keyed(isolated_parts(building), building.keys) if one.level in names_told}
     return [*(Finding("missing", text) for text in lacks), *(finding for finding in findings if finding not in again)]
 
 

@@ -17,7 +17,7 @@ from evac.base.errors import EvacError, PluginError, naming, noting, plugin_code
 from evac.base.phases import Phases, Progress
 from evac.base.saved import Bounds, Saved, SavedError, part_of, state_of
 from evac.building.model.building import Building
-from evac.building.model.findings import Finding, as_findings, warnings_of
+from evac.building.model.findings import Finding, as_findings, keyed, warnings_of
 from evac.building.model.narrow import narrow_places
 from evac.case.loading import as_case
 from evac.case.schema import LONGEST_RUN
@@ -273,7 +273,8 @@ class Simulation(Saved):
         narrow = narrow_places(self.building, 2.0 * crowd.contact_radius)
         start = crowd.replace(level=np.where(crowd.arrival_time == 0.0, crowd.level, np.int32(-1)))
         people, out = unusual(start, groups), self.population.left_out
-        return as_findings((*self.building.findings, *air, *narrow, *self.stopping, *lifts, *people, *out))
+        found = as_findings((*self.building.findings, *air, *narrow, *self.stopping, *lifts, *people, *out))
+        return tuple(keyed(found, self.building.keys))
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Results:
         """Run to the end and return the results: `advance_tick` until the run has ended.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from shapely import box
 
-from evac import BuildingError, Plan
+from evac import BuildingError, Plan, Simulation, load
 from evac.building.plan.plantable import plan_of, table_of
 from tests.building.test_rooms import random_house
 
@@ -160,6 +160,21 @@ def test_errors_of_copies_are_one_line():
     assert found == [("error", "doors.lost", f"{k}", (4.5, 3.0)) for k in range(4)] + [
         ("error", "exits.far", "0", (30.0, 3.5))
     ]
+
+
+def test_findings_of_a_run_have_the_keys_of_rooms_and_shafts():
+    plan = Plan()
+    plan.storey("low", wall=0.2)
+    plan.room("office", "low", box(0, 0, 10, 5), people=7)
+    plan.room("hall", "low", box(0, 5, 10, 15))
+    plan.door("door", "low", {"rooms": ["office", "hall"], "width": 0.9})
+    plan.storey("high", z=3.0, like="low")
+    plan.shaft("stair", "low", "high", [(2.0, 8.0), (2.4, 8.0)], length=2.8, turn="right", direction=(0, 1))
+    plan.exit("exit", "low", {"rooms": ["hall"], "side": 0, "at": 1.5, "width": 1.2})
+    groups = [{"name": area, "area": area, "number": 3} for area in ("office", "high office")]
+    simulation = Simulation(load({"building": plan, "people": groups, "contact": {"model": "nsm2"}}))
+    told = {one.item for one in simulation.findings if one.kind in ("left out", "warning") and one.item}
+    assert {item for item in told if not item.startswith("people.")} == {"rooms.office", "shafts.stair"}
 
 
 def test_the_other_turn_is_the_remedy_of_a_stair_that_turns_into_a_wall():

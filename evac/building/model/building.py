@@ -1,7 +1,7 @@
 """Data model of a building: levels, portals, exits, areas, walls. All classes are immutable."""
 
 import re
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import itemgetter
@@ -339,6 +339,8 @@ class Building:
         Ways between levels that take a stated time; travel times count them, and whoever adds one takes people along.
     lifts : tuple of Lift
         Lifts, with a level for each stop; see `evac.building.model.lifts`.
+    keys : mapping of str to str
+        Keys in its plan of stairs and areas that the plan has as something else: ``stairs.west 0`` is ``shafts.west``.
     north : float, optional
         Direction of north in plan, counterclockwise from y [degrees]; None if it is not known.
     """
@@ -367,6 +369,7 @@ class Building:
     controls: frozenset[tuple[int, Control]] = frozenset()
     emptying: frozenset[str] = frozenset()
     moving: frozenset[tuple[int, float, float]] = frozenset()
+    keys: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         exits = ", ".join(exit_.name for exit_ in self.exits) or "none"

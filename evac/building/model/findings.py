@@ -4,7 +4,7 @@ import itertools
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -112,6 +112,11 @@ class Finding:
 def as_findings(given: "tuple[Finding | str, ...] | list[Finding | str]") -> tuple[Finding, ...]:
     """Convert texts to warnings; findings are returned unchanged."""
     return tuple(item if isinstance(item, Finding) else Finding("warning", item) for item in given)
+
+
+def keyed(findings: Iterable[Finding], keys: Mapping[str, str]) -> list[Finding]:
+    """Return findings with the keys that their items have in the plan of a building, as its `keys`."""
+    return [replace(one, item=keys.get(one.item or "", one.item)) for one in findings]
 
 
 def warnings_of(findings: tuple[Finding, ...] | list[Finding]) -> tuple[str, ...]:

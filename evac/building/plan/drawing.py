@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from evac.building.plan.plan import Plan
 
 #: The strips of ground on both sides of a door, if it stands between two rooms.
-Beside = tuple[Strip, ...] | None
+Beside = tuple[Strip | None, ...] | None
 #: A surface: its tags, its polygon in plan and its height.
 Drawn = tuple[tuple[str, ...], BaseGeometry, Height]
 
@@ -189,7 +189,7 @@ class Drawing:
         for row, door in enumerate(told("opening doors", self.plan.doors, len(self.plan.doors))):
             around, rooms, earlier, beside = near[row]
             # If rooms are on both its sides, only what is between it and them matters.
-            within = [one.polygon for one in beside] if beside else [around]
+            within = [one.polygon for one in beside if one is not None] if beside else [around]
             ground = [part for other in earlier for part in opened[other] if any(map(part.intersects, within))]
             known, opened[row] = len(self.findings), []
             with self._noting("doors", door):

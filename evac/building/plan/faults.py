@@ -17,7 +17,7 @@ from evac.base.errors import BuildingError
 from evac.base.toml import toml_lines
 from evac.building.geometry import between_floors, rounded, segment_lengths, sides
 from evac.building.model.building import Building
-from evac.building.model.findings import OWN, Finding, refusal
+from evac.building.model.findings import OWN, Finding, keyed, refusal
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.drawing import Drawing
 from evac.building.plan.plan import Item, Plan
@@ -186,23 +186,19 @@ def _built(
     """Return the building of a mesh, or the errors that refuse it, about the items of a plan."""
     if mesh is None:
         return None, []
+    named = {
+        f"{section}.{one.name}": key_of(section, one)
+        for section in ("stairs", "areas")
+        for one in getattr(plan, section)
+    }
+    keys = {name: key for name, key in named.items() if name != key}
     try:
         building = build_building(mesh, source, options, need_exit=need_exit)
     except BuildingError as error:
         found = error.findings or (Finding("error", str(error).removeprefix(f"{source}: ")),)
-        return None, _of_items(plan, found)
-    return replace(building, findings=tuple(_of_items(plan, building.findings))), []
-
-
-def _of_items(plan: Plan, findings: Iterable[Finding]) -> list[Finding]:
-    """Return findings about a building with the keys and the storeys of the items of its plan."""
-    stairs = {f"stairs.{stair.name}": stair for stair in plan.stairs}
-    return [
-        replace(one, item=key_of("stairs", stairs[one.item]), level=one.level or stairs[one.item].lower)
-        if one.item in stairs
-        else one
-        for one in findings
-    ]
+        lowest = {f"stairs.{stair.name}": stair.lower for stair in plan.stairs}
+        return None, keyed((replace(one, level=one.level or lowest.get(one.item or "")) for one in found), keys)
+    return replace(building, findings=tuple(keyed(building.findings, keys)), keys=keys), []
 
 
 def _kind_of(error: Finding) -> str:
