@@ -15,10 +15,8 @@ from evac.building.geometry import flat_parts, place_of
 from evac.building.importer import Importer
 from evac.building.plan.plan import Plan
 
-#: Lists of the topography that are read, and those that are not; distance at which a stair touches a floor [m].
-READ = ("obstacles", "targets", "sources", "stairs")
-LEFT_OUT = ("measurementAreas", "targetChangers", "absorbingAreas", "dynamicElements")
-TOUCH = 0.05
+#: Lists of the topography that are read; distance at which a stair touches a floor [m].
+READ, TOUCH = ("obstacles", "targets", "sources", "stairs"), 0.05
 
 
 class VadereImporter(Importer):
@@ -44,7 +42,7 @@ class VadereImporter(Importer):
             of = {key: [(one, _shape(one["shape"])) for one in topography.get(key) or []] for key in READ}
             exits = [one for one in of["targets"] if one[0].get("absorbing", one[0].get("absorber", {}).get("enabled"))]
             stairs = [(_edges(one, shape), self.rise * int(one.get("treadCount", 1))) for one, shape in of["stairs"]]
-            counts = {key: len(topography.get(key) or []) for key in (*READ, *LEFT_OUT)}
+            counts = {key: len(given) for key, given in topography.items() if isinstance(given, list)}
         except (LookupError, TypeError, ValueError, AttributeError, RecursionError, shapely.GEOSException) as error:
             text = "the topography, or a shape or number of it, is missing or none"
             raise ValueError(f"not a scenario of Vadere: {text}") from error
@@ -56,25 +54,25 @@ class VadereImporter(Importer):
         names = {z: f"floor {number}" for number, z in enumerate(sorted(set(heights)), start=1)}
         for z, name in names.items():
             plan.storey(name, [part for part, height in zip(parts, heights, strict=True) if height == z], z)
-        idle = {"targets": len(of["targets"]) - len(exits)} | {key: counts[key] for key in LEFT_OUT}
+        idle = counts | dict.fromkeys(READ, 0) | {"targets": len(of["targets"]) - len(exits)}
         for key, number in counts.items():
             plan.note("found", f"{number} {key}", element=key, number=number)
-            if idle.get(key):
+            if idle[key]:
                 text = f"{idle[key]} {key}, which absorb nobody, or are not read"
                 plan.note("left out", text, element=key, number=idle[key])
         rises = [({"id": number}, shapely.LineString(edges[0]).centroid) for number, (edges, _) in enumerate(stairs, 1)]
-        for kind, items in (("targets", exits), ("sources", of["sources"]), ("stairs", rises)):
+        for kind, items in (("target", exits), ("source", of["sources"]), ("stair", rises)):
             for one, shape in items:
-                name, on = f"{kind[:-1]} {one.get('id')}", [heights[k] for k in _at(parts, shape)]
+                name, on = f"{kind} {one.get('id')}", [heights[k] for k in _at(parts, shape)]
                 if not on:
-                    plan.note("missing", f"{name} is not at the floor", place=place_of(shape), element=kind)
-                elif kind == "targets":
+                    plan.note("missing", f"{name} is not at the floor", place=place_of(shape), element=f"{kind}s")
+                elif kind == "target":
                     plan.exit(name, names[on[0]], polygon=shape)
-                elif kind == "sources":
+                elif kind == "source":
                     plan.area(name, names[on[0]], shape)
                 else:
-                    edges, rise = stairs[one["id"] - 1]
-                    plan.flight(name, edges[0], on[0], edges[1], on[0] + rise)
+                    (low, up), rise = stairs[one["id"] - 1]
+                    plan.flight(name, low, on[0], up, on[0] + rise)
                     plan.note("assumed", f"{name} rises {rise:.2f} m (rise)", names[on[0]], place_of(shape))
         return plan
 
@@ -105,11 +103,10 @@ def _shape(given: Mapping[str, Any]) -> BaseGeometry:
         x, y, width, height = (float(given[key]) for key in ("x", "y", "width", "height"))
         shape = shapely.box(x, y, x + width, y + height)
     else:
-        shape = shapely.Polygon([(float(one["x"]), float(one["y"])) for one in given["points"]])
-    shape = flat_parts(shapely.make_valid(shape))
-    if shape.is_empty:
+        shape = shapely.make_valid(shapely.Polygon([(float(one["x"]), float(one["y"])) for one in given["points"]]))
+    if flat_parts(shape).is_empty:
         raise ValueError("a shape has no area")
-    return shape
+    return flat_parts(shape)
 
 
 def _edges(one: Mapping[str, Any], shape: BaseGeometry) -> FloatArray:
