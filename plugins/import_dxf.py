@@ -229,7 +229,7 @@ class DxfImporter(Importer):
         if given:
             return given
         use, around = use_of(layer), [use_of(name) for name in blocks]
-        if "left out" in (use, *(around if use != "walls" else ())):
+        if "left out" in (use, *(around if not use else ())):
             return "left out"
         use = "windows" if "windows" in around else use or next((one for one in around if one), "")
         return "" if use == "walls" and self.walls else use

@@ -199,7 +199,7 @@ class Line:
     @property
     def outside(self) -> BaseGeometry:
         """The ground outside of an exit, to which its orientation IOR points."""
-        found = re.search(r"IOR\s*=\s*([+-]?\d)", self.text)
+        found = re.search(r"IOR\s*=\s*([+-]?[123])\b", self.text)
         way = int(found[1]) if found else 0
         step = np.sign(way) * OUTSIDE * np.eye(3)[abs(way) - 1][:2] if way else np.zeros(2)
         near = self.plan.buffer(1e-6, join_style="mitre") if way else self.plan.buffer(OUTSIDE / 2, join_style="mitre")

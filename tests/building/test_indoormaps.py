@@ -85,9 +85,9 @@ def test_units_of_stairs_above_each_other_are_a_stair(tmp_path):
     ]
 
 
-def osm(*, door="yes"):
+def osm(*, door="yes", both="0;1"):
     return collection(
-        feature(box(0, 0, 30, 4), indoor="corridor", level="0;1"),
+        feature(box(0, 0, 30, 4), indoor="corridor", level=both),
         feature(box(0, 4, 10, 10), indoor="room", level="0", name="shop"),
         feature(box(10, 4, 20, 10), indoor="room", level="1", name="office"),
         feature(Point(5, 4), door=door, level="0"),
@@ -99,8 +99,9 @@ def osm(*, door="yes"):
     )
 
 
-def test_openstreetmap_with_stairs_and_doors(tmp_path):
-    (tmp_path / "a.geojson").write_text(osm())
+@pytest.mark.parametrize("both", ["0;1", "0-1", ["0", "1"], [0, 1.0]])
+def test_openstreetmap_with_stairs_and_doors(tmp_path, both):
+    (tmp_path / "a.geojson").write_text(osm(both=both))
     made = import_building([tmp_path / "a.geojson"], tmp_path / "case", people=9)
     assert (made.fault, made.missing) == ("", ())
     building = made.building

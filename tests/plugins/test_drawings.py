@@ -91,17 +91,17 @@ def hatches():
     return drawing
 
 
-def blocks_of_doors():
+def blocks_of_doors(outer="nested"):
     """Doors as nested blocks on layer 0, furniture and dimensions on layers named so."""
-    drawing = Drawing("mm")
+    drawing, name = Drawing("mm"), outer
     drawing.rings(BODY, "MUR")
     leaf = drawing.document.blocks.new("Porte 90")
     drawing.swing((0, 0), 0.9, 0.0, leaf=0.0, space=leaf)
-    outer = drawing.document.blocks.new("nested")
-    outer.add_blockref("Porte 90", (0, 0))
-    drawing.space.add_blockref("nested", (5500, 1000), dxfattribs={"layer": "PORTES"})
+    outer = drawing.document.blocks.new(name)
+    outer.add_blockref("Porte 90", (0, 0), dxfattribs={"layer": "PORTES"})
+    drawing.space.add_blockref(name, (5500, 1000), dxfattribs={"layer": "PORTES"})
     larger = {"layer": "PORTES", "xscale": 10 / 9, "yscale": 10 / 9}
-    drawing.space.add_blockref("nested", (3000, 300), dxfattribs={**larger, "rotation": 90})
+    drawing.space.add_blockref(name, (3000, 300), dxfattribs={**larger, "rotation": 90})
     drawing.line([(1, 1), (2.5, 1), (2.5, 3), (1, 3)], "A-FURN", close=True)
     drawing.line([(0, 2), (9.4, 2)], "Cotes")
     return drawing
@@ -181,6 +181,7 @@ KINDS = {
     "wide polylines of old files": lambda: wide_polylines(is_old=True),
     "hatches": hatches,
     "blocks of doors": blocks_of_doors,
+    "blocks of doors in a block named like a plant": lambda: blocks_of_doors("PLANTA"),
     "layers without meaning": unnamed_layers,
     "windows": windows,
     "fills": fills,

@@ -92,6 +92,7 @@ COUNT = "&EXIT ID='counter', COUNT_ONLY=.TRUE., XB=6.0,6.0,0.2,7.8,0.4,1.6 /\n"
         FIRE.format("-0.6,3.0") + SLAB + PEOPLE.format("0.0,2.0"),
         FIRE.format("0.0,3.0") + SCREEN + PEOPLE.format("0.0,2.0"),
         FIRE.format("0.0,3.0") + COUNT + PEOPLE.format("0.9,1.1"),
+        THIN + PEOPLE.format("0.9,1.1").replace("IOR=1", "IOR=9"),  # no direction
     ],
 )
 def test_decks_of_fds_evac_give_the_room_that_they_mean(tmp_path, deck):

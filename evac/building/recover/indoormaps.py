@@ -395,7 +395,8 @@ def _levels(own: Mapping[str, Any], names: Mapping[str, Any]) -> list[str]:
     """Return the levels of a feature; level 0 for entrances without one."""
     if "level_id" in own:
         return [str(own["level_id"])]
-    text = str(own.get("level") if own.get("level") is not None else "0" if own.get("entrance") else "")
+    given = own.get("level") if own.get("level") is not None else "0" if own.get("entrance") else ""
+    text = ";".join(map(str, given)) if isinstance(given, list) else str(given)
     found: list[str] = []
     for part in re.split(r"\s*[;,]\s*", f"{text};{own.get('repeat_on') or ''}".strip()):
         span = re.fullmatch(r"(-?\d+)\s*-\s*(-?\d+)", part)
