@@ -2,6 +2,7 @@
 
 import tempfile
 import tomllib
+from itertools import chain, count
 from pathlib import Path
 
 from evac.base.errors import ScenarioError
@@ -19,21 +20,23 @@ wall = 0.1
 """
 
 
-def begin(folder: Path, what: str, name: str = "", content: bytes = b"") -> list[str]:
-    """Write a case to a new folder, and return what is to be told of it.
+def begin(folder: Path, what: str, name: str = "", content: bytes = b"") -> tuple[Path, list[str]]:
+    """Write a case to a new folder, with a number if its name is taken; return the folder, and what is to be told.
 
     `what`: empty, example, or file, whose `name` and `content` are given.
 
     Raises
     ------
     EvacError
-        The folder is not empty, or the file is not read, or its building is no plan.
+        The file is not read, or its building is no plan.
     """
+    names = chain([folder], (folder.with_name(f"{folder.name}-{number}") for number in count(2)))
+    folder = next(path for path in names if not path.exists())
     if what != "file":
         write_example(folder)
         if what == "empty":
             _clear(folder / "case.toml", folder / "house.plan.toml")
-        return []
+        return folder, []
     with tempfile.TemporaryDirectory() as place:
         source = Path(place) / Path(name).name
         source.write_bytes(content)
@@ -42,7 +45,7 @@ def begin(folder: Path, what: str, name: str = "", content: bytes = b"") -> list
         text = "its floors are not level, so that it cannot be drawn on; it can be run"
         raise ScenarioError(f"{source.name}: {text}: `evac run {folder}`")
     told = [f"incomplete: {missing}" for missing in made.missing]
-    return told + [str(one) for one in made.findings if one.kind in ("warning", "left out")]
+    return folder, told + [str(one) for one in made.findings if one.kind in ("warning", "left out")]
 
 
 def _clear(case_file: Path, plan_file: Path) -> None:

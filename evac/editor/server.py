@@ -171,9 +171,9 @@ class _Handler(BaseHTTPRequestHandler):
     def _begun(self, folder: Path, what: str, name: str, content: bytes) -> dict[str, Any]:
         if len(folder.parts) != 1 or folder.name in ("", ".."):
             raise ScenarioError(f"{folder}: give the name of a new folder in {Path.cwd()}")
-        told = begin(folder, what, name, content)
+        folder, told = begin(folder, what, name, content)
         self.server.session = Session(folder)
-        return {"told": told, "folder": str(folder.absolute())}
+        return {"told": told}
 
     def _allowed_name(self) -> str | None:
         """Return the name of what is asked for, if this is asked by the page; else refuse."""

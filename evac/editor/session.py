@@ -32,6 +32,7 @@ from evac.editor.pictures import Pictures
 from evac.editor.running import Runner
 from evac.folder.files import content_of, replacing
 from evac.folder.textfiles import plain, write_json
+from evac.people.starts import load_table
 from evac.simulation.assembly import make_building
 
 #: Ending of the name of the journal, which is beside the file.
@@ -111,7 +112,7 @@ class Session:
         """Return what is edited as the page gets it, the digest of the files, and what the journal has."""
         texts, table = self._read()
         found = {"title": self.title, "file": self.file.name, "digest": _digest(texts), "table": plain(table)}
-        found["is_drawn"] = self._floors is None
+        found |= {"is_drawn": self._floors is None, "loads": load_table(), "folder": str(self.file.parent)}
         with suppress(OSError, ValueError, KeyError):
             journal = json.loads(content_of(self.journal))
             found["unsaved"] = {"table": journal["table"], "of_this_file": journal["digest"] == found["digest"]}

@@ -3,7 +3,7 @@
 import pytest
 
 import evac
-from evac.base.errors import EvacError, ScenarioError
+from evac.base.errors import EvacError
 from evac.cli.main import main
 from evac.editor import Session
 from evac.editor.beginning import begin
@@ -18,10 +18,11 @@ def table_of(folder):
 
 
 def test_an_empty_storey_has_nothing_of_the_example(tmp_path):
-    assert begin(tmp_path / "new", "empty") == []
+    assert begin(tmp_path / "new", "empty") == (tmp_path / "new", [])
     case = evac.load(tmp_path / "new")
     assert case.title == "New building"
     assert [group.level for group in case.people] == ["ground"]
+    assert case.simulation.duration == 3600.0  # so that a tower is left in it
     assert table_of(tmp_path / "new")["storeys"] == [{"name": "ground", "z": 0.0, "wall": 0.1}]
 
 
@@ -41,8 +42,8 @@ def test_a_file_is_imported_and_what_is_wrong_is_told(tmp_path):
     assert not (tmp_path / "other/case.toml").exists()
 
 
-def test_only_a_new_folder_is_written_to(tmp_path):
-    (tmp_path / "mine").write_text("mine")
-    with pytest.raises(ScenarioError, match="not empty"):
-        begin(tmp_path, "example")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine"]
+def test_a_folder_whose_name_is_taken_has_a_number(tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine-2").write_text("a file")
+    assert begin(tmp_path / "mine", "example") == (tmp_path / "mine-3", [])
+    assert [*(tmp_path / "mine").iterdir()] == []

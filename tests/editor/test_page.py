@@ -474,7 +474,7 @@ def test_the_toolbar_by_the_mouse(page):
     page.browser.wait("document.getElementById('saved').textContent === 'Saved'")
     plan = tomllib.loads(page.server.session.file.read_text())
     assert plan["rooms"][-1]["polygon"] == [[14, 0], [17, 0], [17, 4], [14, 4]]
-    assert [row["z"] for row in plan["storeys"]] == pytest.approx([0, 3.2, 6.2])
+    assert [row["z"] for row in plan["storeys"]] == pytest.approx([0, 3.2, 6.4])
     page.run("editor.act.goTo('ground')")
     push("#fit")
     assert page.run("editor.view.zoom") != zoom

@@ -59,7 +59,7 @@ def test_a_run_ends_with_its_answer_and_files(runners, tmp_path):
 def test_a_run_is_found_again_and_stopped_by_another_one(house, runners, tmp_path):
     case = house / "case.toml"
     text = re.sub(r"uniform = \[0.0, 10.0\]", "uniform = [2e4, 2.1e4]", case.read_text())
-    case.write_text(text.replace("duration = 300.0", "duration = 3e4"))
+    case.write_text(text.replace("duration = 3600.0", "duration = 3e4"))
     first, second = runners(), runners()
     first.begin("run")
     state = awaited(second, lambda state: state.get("people") and "ETA" in state["text"])

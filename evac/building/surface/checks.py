@@ -170,11 +170,11 @@ def check_exits(building: Building) -> Iterator[Finding]:
         longest = own[np.argmax(segment_lengths(own).round(6))]
         place, (x1, y1, x2, y2) = place_of(longest), longest.tolist()
         example = (
-            f', for example name = "exit", segment = [[{x1:z.2f}, {y1:z.2f}], [{x2:z.2f}, {y2:z.2f}]], '
+            f', such as name = "exit", segment = [[{x1:z.2f}, {y1:z.2f}], [{x2:z.2f}, {y2:z.2f}]], '
             f'level = "{level.name}" (storey = in a plan)'
         )
-    text = f"the building has no exit: give it one, as [[building.exits]] in case.toml or [[exits]] in a plan{example}"
-    yield Finding("error", text, level.title, place)
+    remedy = f"give it one, as [[building.exits]] in case.toml or [[exits]] in a plan{example}"
+    yield Finding("error", "the building has no exit", level.title, place, "exits", remedy)
 
 
 def _face(a: FloatArray, b: FloatArray) -> bool:

@@ -2,9 +2,10 @@
 
 // Of each section, its keys: label, and how they are given.
 const NUMBER = "number", TEXT = "text", STOREY = "storey";
+const OTHER_USE = "another use …";
 const BENT = ["", "left", "right"];
 const FIELDS = {
-  rooms: { use: ["Use", TEXT], people: ["People", NUMBER], density: ["People per m²", NUMBER] },
+  rooms: { people: ["People", NUMBER], density: ["People per m²", NUMBER] },
   storeys: { z: ["Height [m]", NUMBER], wall: ["Walls [m]", NUMBER], like: ["Like storey", STOREY] },
   shafts: { lower: ["From storey", STOREY], upper: ["To storey", STOREY], width: ["Width [m]", NUMBER], rise: ["Rise [m]", NUMBER], going: ["Going [m]", NUMBER], length: ["Length [m]", NUMBER], turn: ["Turn", BENT], gap: ["Gap [m]", NUMBER], landing: ["Landing [m]", NUMBER], landings: ["Landings", NUMBER] },
   stairs: { lower: ["From storey", STOREY], upper: ["To storey", STOREY], length: ["Length [m]", NUMBER], turn: ["Turn", BENT], gap: ["Gap [m]", NUMBER], landing: ["Landing [m]", NUMBER], landings: ["Landings", NUMBER] },
@@ -21,7 +22,7 @@ function refill(box, content) {
 }
 
 class Inspector {
-  constructor(store, view, act, forms) { Object.assign(this, { store, view, act, forms }); }
+  constructor(store, view, act, forms, loads) { Object.assign(this, { store, view, act, forms, loads }); }
 
   get table() { return this.store.now; }
 
@@ -50,13 +51,28 @@ class Inspector {
     const set = (key) => (value) => commit(this.table.put(ref, key, value)), isOfCase = [...CASE, "case"].includes(section), isNamed = !isGround && !["behaviours", "case"].includes(section), parts = [node("h2", heading(what, row.name ?? (isNamed ? "" : ref.index ?? "")))];
     if (isNamed) parts.push(this.field("Name", row.name, TEXT, (name) => { if (name && name !== row.name) { if (what === "storey") this.act.renamed(name); commit(this.table.rename(ref, name)); } }));
     if (isOfCase) parts.push(...this.forms.fieldsOf(ref, row));
-    else if (!isGround) for (const [key, [label, kind]] of Object.entries(FIELDS[section])) parts.push(this.field(label, row[key], kind, set(key)));
+    if (section === "rooms") parts.push(...this.use(ref, row));
+    if (!isOfCase && !isGround) for (const [key, [label, kind]] of Object.entries(FIELDS[section])) parts.push(this.field(label, row[key], kind, set(key)));
     if (what !== "storey" && !isOfCase) parts.push(...this.sizes(ref, row));
     const actions = node("div", "", { className: "actions" });
     if (selected && isNamed) actions.append(this.button("Duplicate", "Ctrl+D", this.act.duplicate));
     if (section === "openings") actions.append(this.button("Make it an exit", "", () => { commit(this.table.remove(ref).add("exits", row)); this.act.select({ section: "exits", index: this.table.rows("exits").length - 1 }); }));
     if (selected || this.table.storeys.length > 1) actions.append(this.button("Delete", "Delete", this.act.remove));
     refill(box, [...parts, actions]);
+  }
+
+  // The use of a room: from the table of loads, or another one, which groups of the case name.
+  use(ref, row) {
+    const { loads } = this, load = loads[row.use], set = (use) => this.store.commit(this.table.put(ref, "use", use));
+    const held = ({ ground }) => ground ? `${ground} m² a person` : "nobody", all = [...new Set([...Object.keys(loads), ...this.table.rows("rooms").map(({ use }) => use)])].filter(Boolean);
+    const box = this.field("Use", row.use, ["", ...all, OTHER_USE], (use) => {
+      if (use !== OTHER_USE) return set(use);
+      const other = this.field("Use", "", TEXT, set);
+      box.replaceWith(other);
+      other.querySelector("input").focus();
+    });
+    for (const option of box.querySelectorAll("option")) if (loads[option.value]) option.textContent += `: ${held(loads[option.value])}`;
+    return row.use ? [box, node("p", load ? `${capital(held(load))} (${load.source})${row.people === undefined && row.density === undefined ? "" : ", unless stated below"}` : "No load is known: state the people below, or in a group")] : [box];
   }
 
   button(text, title, action) {
@@ -102,6 +118,12 @@ class Inspector {
     if (next) this.store.commit(this.table.moveWall(this.view.storey, next, across(next, by)));
   }
 
+  // What the tool does, or why it cannot now, and what to do then.
+  showHint(fault, hint) {
+    by("hint").replaceChildren(fault || hint);
+    if (fault) by("hint").append(" ", this.button("Copy this storey up", "", () => { this.act.copyUp(1); this.view.canvas.focus(); }));
+  }
+
   showStoreys() {
     refill(by("storeys"), this.table.storeys.map(({ name, z, like }) => {
       const button = this.button(name, "Page up, Page down", () => this.act.goTo(name)), item = document.createElement("li");
@@ -120,7 +142,9 @@ class Inspector {
       const button = this.button(`${one.number} ${one.kind}: ${one.text}${more}`, "", () => this.act.goToFinding(one));
       button.className = one.kind;
       if (where) button.append(node("span", where));
-      if (one.remedy) button.append(node("span", `remedy: ${one.remedy.replaceAll("\n", ", ")}`));
+      const tool = Object.keys(TOOLS).find((name) => TOOLS[name].section === one.item);  // Nothing of the kind is there.
+      if (tool) button.append(node("span", `draw one with the tool ${capital(tool)} (${TOOLS[tool].key.toUpperCase()}): a click here takes it`));
+      else if (one.remedy) button.append(node("span", `remedy: ${one.remedy.replaceAll("\n", ", ")}`));
       item.append(button);
       return item;
     }));

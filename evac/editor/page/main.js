@@ -14,6 +14,7 @@ const KEYS = [
   ["Delete, Ctrl+D", "delete, duplicate"],
   ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"],
   ["Page up, Page down", "next storey up, down"],
+  ["Arrows on the timeline", "move an event or a phase by 1 s, with Shift by 10 s"],
   ["3, F, + −", "plan or 3D, show all, zoom"],
   ["Ctrl+S", "save"],
   ["Ctrl+Enter", "save and run, or stop the run"],
@@ -39,7 +40,7 @@ async function start() {
   if (opened.begin) return begin();
   const isCase = Boolean(opened.table.case), declared = isCase ? await ask("forms") : null;
   const store = new Store(opened.table, changed), view = new PlanView(by("view"), store), view3d = new View3D(by("view3d"));
-  let { digest } = opened, onDisk = digest, isAsked = false, isStale = false, isSaving = false;
+  let { digest } = opened, onDisk = digest, isAsked = false, isStale = false, isSaving = false, isLost = false;
   view.storey = store.now.storeys[0]?.name ?? "";
   document.body.classList.toggle("fixed", !opened.is_drawn);  // A building that is no plan is shown, not drawn.
 
@@ -48,9 +49,11 @@ async function start() {
     say(text) { by("told").textContent = text; },
 
     select(ref) {
+      if (ref) document.querySelector("aside").scrollTop = 0;
       view.selected = ref;
       inspector.show(ref);
       forms?.showRail(ref);
+      timeline?.show(ref);
       view.draw();
     },
 
@@ -67,6 +70,16 @@ async function start() {
     },
 
     choose(tool) { tools.choose(tool); },
+
+    // Storeys like the one that is shown, above all others.
+    copyUp(count) {
+      const before = store.now.storeys.length;
+      store.commit(store.now.copyUp(view.storey, count));
+      const added = store.now.storeys.slice(before).map(({ name }) => name);
+      act.say(`${capital(added.length > 1 ? `${added[0]} to ${added.at(-1)}` : added[0])} added above, like ${view.storey}`);
+      act.toolChanged();
+    },
+
     measured(points) { tools.measured = points; },
 
     climb(by) {
@@ -74,17 +87,19 @@ async function start() {
       if (next) act.goTo(next.name);
     },
 
-    goToFinding({ storey, at, ref }) {
+    goToFinding({ storey, at, ref, item }) {
       if (storey && store.now.storey(storey)) act.goTo(storey);
       if (ref) act.select(ref);
       showView(false);
-      if (at) view.goTo(at);
+      if (at) view.reveal(at);
+      const tool = Object.keys(TOOLS).find((name) => TOOLS[name].section === item);
+      if (tool && opened.is_drawn) tools.choose(tool);
       view.canvas.focus();
     },
 
     toolChanged() {
       for (const button of by("tools").children) button.setAttribute("aria-pressed", button.value === tools.tool);
-      by("hint").textContent = TOOLS[tools.tool].hint;
+      inspector.showHint(tools.fault(), TOOLS[tools.tool].hint);
       by("view").classList.toggle("drawing", tools.tool !== "select");
       showView(false);
     },
@@ -168,8 +183,8 @@ async function start() {
       view3d.draw();
     },
   };
-  const forms = isCase ? new Forms(store, act, declared) : null, inspector = new Inspector(store, view, act, forms);
-  const tools = new Tools(store, view, act), running = new Running(view, view3d, act, isCase), designs = isCase ? new Designs(act) : null;
+  const forms = isCase ? new Forms(store, act, declared) : null, inspector = new Inspector(store, view, act, forms, opened.loads);
+  const tools = new Tools(store, view, act), running = new Running(view, view3d, act, isCase), designs = isCase ? new Designs(act) : null, timeline = isCase ? new Timeline(store, act) : null;
   const pictures = new Pictures(view, store, act);
   Object.assign(view, { tools, pictures });
   tools.pictures = pictures;
@@ -180,6 +195,7 @@ async function start() {
     inspector.show(view.selected);
     inspector.showStoreys();
     forms?.showRail(view.selected);
+    timeline?.show(view.selected);
     locate();
     showState();
     view.draw();
@@ -268,15 +284,15 @@ async function start() {
     on("designs", (state) => designs?.show(state));
     on("saved", ({ digest: now }) => { onDisk = now; if (!isSaving && now !== digest) warnOfFile(); });  // By another page.
     on("changed", ({ digest: now }) => { if (now !== digest) { onDisk = now; warnOfFile(); } });
-    events.addEventListener("error", () => { act.say("evac edit does not answer"); isAsked = false; });
-    events.addEventListener("open", () => { act.say(""); isAsked = false; check(); });
+    events.addEventListener("error", () => { act.say("evac edit does not answer"); isLost = true; isAsked = false; });
+    events.addEventListener("open", () => { if (isLost) act.say(""); isLost = isAsked = false; check(); });
   }
 
   const fit = () => { if (by("view").hidden) view3d.fit(); else view.fit(); };
   const actions = { undo: () => store.undo(), redo: () => store.redo(), save: act.save, "view-plan": () => showView(false), "view-3d": () => showView(true), fit, theme: act.theme, "show-help": () => by("help").showModal(), "take-file": act.takeFile, "keep-mine": act.keepMine,
-    "add-storey": () => { const name = store.now.unique("storeys", `storey ${store.now.storeys.length}`), top = store.now.storeys.at(-1), z = mm((top?.z ?? -3) + 3); view.storey = name; store.commit(store.now.add("storeys", { name, z, ...(top?.wall === undefined ? {} : { wall: top.wall }) })); act.say("Draw its rooms"); } };
+    "add-storey": () => { const name = store.now.unique("storeys", `storey ${store.now.storeys.length}`), top = store.now.storeys.at(-1), z = top ? mm((top.z ?? 0) + store.now.heightOf(top.name)) : 0; view.storey = name; store.commit(store.now.addStorey({ name, z, ...(top?.wall === undefined ? {} : { wall: top.wall }) })); act.say("Draw its rooms"); } };
   for (const [name, action] of Object.entries(actions)) by(name).addEventListener("click", action);
-  by("copy").addEventListener("submit", (event) => { event.preventDefault(); store.commit(store.now.copyUp(view.storey, by("copies").valueAsNumber)); });
+  by("copy").addEventListener("submit", (event) => { event.preventDefault(); act.copyUp(by("copies").valueAsNumber); });
   for (const [name, { key }] of Object.entries(TOOLS).filter(([name]) => opened.is_drawn || UNDRAWN.includes(name))) {
     const button = node("button", capital(name), { type: "button", value: name });
     button.append(node("kbd", key.toUpperCase()));
@@ -298,7 +314,7 @@ async function start() {
     event.preventDefault();
     if (tool) tools.choose(tool); else other();
   });
-  addEventListener("resize", () => { view.draw(); view3d.draw(); });
+  addEventListener("resize", () => { view.draw(); view3d.draw(); timeline?.show(view.selected); });
   addEventListener("beforeunload", (event) => { if (store.isChanged) event.preventDefault(); });
 
   document.documentElement.dataset.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
@@ -308,7 +324,10 @@ async function start() {
   if (opened.unsaved) {
     store.commit(new Table(opened.unsaved.table));
     act.say(`What was not saved is here again${opened.unsaved.of_this_file ? "" : "; the file has changed since"}: undo for what is in the file`);
-  } else changed();
+  } else {
+    changed();
+    act.say(`In ${opened.folder}`);
+  }
   inspector.showChanges("", "Changes of the file");
   listen();
   window.editor = { store, pictures, view, view3d, tools, act, running };

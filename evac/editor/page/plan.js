@@ -1,6 +1,6 @@
 // The plan of a storey on a canvas: what is in the table, and what was judged of it.
 
-const MARGIN = 80, TOOLS_WIDE = 90;  // Around everything, and for the tools at the left [pixels].
+const MARGIN = 80, TOOLS_WIDE = 130;  // Around everything, and for the tools at the left [pixels].
 const BODY = 0.22;  // Radius of people [m].
 const SLOW = 60, REST = 200;  // Time to paint from which a view is moved as a picture, and after which it rests [ms].
 const FONT = '12px system-ui, "DejaVu Sans", sans-serif';
@@ -283,27 +283,24 @@ class PlanView {
 
   // What is being drawn, the lines to which it snaps, and the cross of the keyboard.
   paintTool() {
-    const { pen, look, zoom, tools: { tool, points, at, lines, measured, isByKeys, drag } } = this, far = 1e4;
+    const { pen, look, zoom, tools: { tool, points, at, lines, measured, isByKeys } } = this, far = 1e4;
     for (const [i, value] of lines) this.line(i ? [[-far, value], [far, value]] : [[value, -far], [value, far]], look.mark, 1 / zoom);
-    const isBox = drag?.kind === "draw" && points.length === 1 && TOOLS[tool].points === Infinity;
-    const shown = measured ?? (isBox ? [...rectangle(points[0], at), points[0]] : points.length ? [...points, at] : []);
+    const shown = measured ?? (this.tools.isBox ? [...rectangle(points[0], at), points[0]] : points.length ? [...points, at] : []);
     for (let k = 1; k < shown.length; k++) this.line([shown[k - 1], shown[k]], look.mark, 2 / zoom);
     for (const point of shown) this.dot(point, look.mark);
-    if (tool === "stair" && points.length && this.table.above(this.storey)) this.paintGhost();
-    if ((tool === "door" || tool === "exit") && !isByKeys) {
-      const ends = onWall(at, this.wallsHere(), WIDTHS[tool]);
-      if (ends) this.line(ends, look.mark, Math.max(0.12, 5 / zoom));
-    }
+    if (tool === "stair" && points.length) this.paintGhost();
+    if (this.tools.isOnWalls) for (const ends of this.ghosts()) this.line(ends, look.mark, Math.max(0.12, 5 / zoom));
     if (isByKeys) for (const i of [0, 1]) this.line([-1, 1].map((sign) => at.map((value, k) => value + (k === i ? sign * 12 / zoom : 0))), look.mark, 2 / zoom);
   }
 
-  // The stair that is being drawn, as long as its steps make it.
+  // The doors or exits that a click or the end of a drag would make.
+  ghosts() { const { at, drag } = this.tools; return drag?.kind === "draw" ? this.tools.linesAt(drag.start, at) : this.tools.linesAt(at); }
+
+  // The stair that is being drawn, of the kind and as long as it would be.
   paintGhost() {
-    const { tools, table, look, zoom, pen } = this, { foot, direction: [dx, dy], width, rise, going } = tools.stairOf([tools.points[0], tools.at]);
-    const run = ((table.above(this.storey).z ?? 0) - (table.storey(this.storey).z ?? 0)) * going / rise, half = width / 2;
-    const corner = (along, aside) => [foot[0] + along * dx - aside * dy, foot[1] + along * dy + aside * dx];
-    this.path([[corner(0, -half), corner(run, -half), corner(run, half), corner(0, half)]]);
-    Object.assign(pen, { strokeStyle: look.mark, lineWidth: 1.5 / zoom });
+    const { tools, look, zoom, pen } = this, { outline, isFit } = tools.stairOf([tools.points[0], tools.at]);
+    this.path([outline]);
+    Object.assign(pen, { strokeStyle: isFit ? look.mark : look.error, lineWidth: 1.5 / zoom });
     pen.stroke();
   }
 
@@ -336,11 +333,12 @@ class PlanView {
       }
     }
     if (zoom > 8) for (const { section, name, ends } of this.others()) this.nameLine(section, name, ends);
-    const { tools: { points, at, typed } } = this;
-    if (points.length) {
-      const last = points[points.length - 1];
-      this.text(typed ? `${typed} m` : `${length(minus(at, last)).toFixed(2)} m`, middle([last, at]), look.mark, [0, -12], 700);
-    }
+    const { tools: { tool, points, at, typed, isOnWalls, drag } } = this, mark = (words, place, top = -12) => this.text(words, place, look.mark, [0, top], 700), isBox = this.tools.isBox, last = points.at(-1);
+    if (typed) mark(`${typed} m`, middle([last, at]));
+    else if (isBox) mark(`${Math.abs(at[0] - last[0]).toFixed(2)} × ${Math.abs(at[1] - last[1]).toFixed(2)} m`, middle([last, at]), 0);
+    else if (tool === "stair" && last) { const { kind, outline, isFit } = this.tools.stairOf([last, at]); mark(isFit ? kind : "does not fit here", [0, 1].map((i) => centre(range(outline, (corner) => corner[i]))), 0); }
+    else if (last) mark(`${length(minus(at, last)).toFixed(2)} m`, middle([last, at]));
+    if (isOnWalls && drag?.kind === "draw") for (const ends of this.ghosts()) mark(`${length(minus(...ends)).toFixed(2)} m`, middle(ends));
     if (this.tools.measured) this.text(`${length(minus(...this.tools.measured)).toFixed(3)} m`, middle(this.tools.measured), look.mark, [0, -12], 700);
   }
 

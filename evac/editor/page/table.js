@@ -2,10 +2,12 @@
 
 const POLYGONS = ["rooms", "areas", "obstacles"];
 const ON_WALLS = ["doors", "exits", "openings"];
-const DRAWN = [...ON_WALLS, "shafts", "stairs", ...POLYGONS];
+const STAIRS = ["shafts", "stairs"];
+const DRAWN = [...ON_WALLS, ...STAIRS, ...POLYGONS];
 const SHAPES = ["polygon", "polygons", "segment", "lower_edge", "upper_edge"];
 const CASE = ["people", "event", "phase", "compartment", "behaviours"];  // Of the case, which is beside the plan as `case`.
 const NAMED = { storeys: "level", areas: "area" };  // Keys of groups with names of the plan.
+const USUAL_HEIGHT = 3;  // From a storey to the next one [m].
 const WALL = 0.35;  // Two faces of rooms that are no farther apart are those of one wall [m].
 
 const mm = (value) => Math.round(value * 1000) / 1000;
@@ -14,6 +16,7 @@ const isRing = (shape) => Array.isArray(shape) && shape.length > 1 && shape.ever
 const plus = ([x, y], [dx, dy]) => [mm(x + dx), mm(y + dy)];
 const minus = ([x1, y1], [x2, y2]) => [x1 - x2, y1 - y2];
 const length = ([x, y]) => Math.hypot(x, y);
+const letters = (n) => (n > 26 ? letters(Math.floor((n - 1) / 26)) : "") + String.fromCharCode(65 + (n - 1) % 26);
 const middle = ([[x1, y1], [x2, y2]]) => [(x1 + x2) / 2, (y1 + y2) / 2];
 const keyOf = ([x, y]) => `${mm(x)},${mm(y)}`;
 const sidesOf2 = (ring) => ring.map((corner, k) => [corner, ring[(k + 1) % ring.length]]);
@@ -72,6 +75,10 @@ function isInside([x, y], ring) {
   for (const [[x1, y1], [x2, y2]] of sidesOf2(ring)) if (y1 > y !== y2 > y && x < (x2 - x1) * (y - y1) / (y2 - y1) + x1) isIn = !isIn;
   return isIn;
 }
+
+// Whether corners are within a ring or on it, and none of its own is among them.
+const holds = (ring, corners) => corners.every((corner) => isInside(corner, ring) || isOn(corner, ring)) && !ring.some((corner) => isInside(corner, corners) && !isOn(corner, corners));
+const isOn = (point, ring) => sidesOf2(ring).some((side) => nearest(point, side).away < 0.01);
 
 // The place on a line that is nearest to a point: how far it is along the line and away.
 function nearest(point, [a, b]) {
@@ -193,10 +200,12 @@ class Table {
     return this.with(changes);
   }
 
+  // A name that no other row has: with a number, or of a shaft, whose stairs are numbered, with a letter.
   unique(section, name) {
-    const taken = new Set(this.rows(section).map((row) => row.name)), stem = name.replace(/ \d+$/, "");
+    const isStair = STAIRS.includes(section), taken = new Set((isStair ? STAIRS : [section]).flatMap((one) => this.rows(one).map((row) => row.name)));
     if (!taken.has(name)) return name;
-    for (let n = 2; ; n++) if (!taken.has(`${stem} ${n}`)) return `${stem} ${n}`;
+    const isShaft = section === "shafts", stem = name.replace(isShaft ? / [A-Z]+$/ : / \d+$/, "");
+    for (let n = 2; ; n++) if (!taken.has(`${stem} ${isShaft ? letters(n) : n}`)) return `${stem} ${isShaft ? letters(n) : n}`;
   }
 
   // A new name, also where the old one is referred to.
@@ -240,31 +249,29 @@ class Table {
     return this.add(ref.section, { ...copy, name: this.unique(ref.section, row.name) });
   }
 
-  // Storeys like one, above it, with the height of a storey between; what is higher is lifted, shafts are made longer.
-  copyUp(name, count) {
-    const all = this.storeys, at = all.findIndex((one) => one.name === name), own = all[at], z = own.z ?? 0;
-    const height = mm((all[at + 1]?.z ?? (at ? 2 * z - (all[at - 1].z ?? 0) : z + 3)) - z);
-    let next = this.mapRows((row) => (row.z ?? 0) > z ? { ...row, z: mm(row.z + count * height) } : row, ["storeys"]);
-    const copies = [];
-    for (let k = 1; k <= count; k++) {
-      const copy = { name: next.unique("storeys", name === "ground" ? `storey ${k}` : name), z: mm(z + k * height), like: name };
-      next = next.add("storeys", copy);
-      copies.push(copy);
-    }
-    const rows = this.rows("storeys").findIndex((one) => one.name === name) + 1, others = next.rows("storeys").filter((row) => !copies.includes(row));
-    next = next.with({ storeys: [...others.slice(0, rows), ...copies, ...others.slice(rows)] });  // in the order of their heights, which shafts need
-    next = next.mapRows((row) => row.upper === name ? { ...row, upper: copies[count - 1].name } : row, ["shafts"]);
-    return next.repeatStairs(name, copies.map((one) => one.name), all[at + 1]?.name);
+  // A storey above all others, after the topmost one in the order of the file, which shafts follow up or down.
+  addStorey(row) {
+    const rows = this.rows("storeys"), at = rows.indexOf(this.storeys.at(-1)), isDown = at < rows.indexOf(this.storeys[0]);
+    return this.with({ storeys: rows.toSpliced(isDown ? at : at + 1, 0, row) });
   }
 
-  // Single stairs from a storey to the one above lead to its copies, one after the other; without one above, those to it.
-  repeatStairs(name, copies, above) {
-    const way = [name, ...copies, ...(above ? [above] : [])], isMeant = (row) => above ? row.lower === name && row.upper === above : row.upper === name;
+  // The height from a storey to the next one; of the topmost, that from the one below.
+  heightOf(name) {
+    const all = this.storeys.map(({ z = 0 }) => z), upper = Math.min(this.storeys.findIndex((one) => one.name === name) + 1, all.length - 1);
+    return upper > 0 ? mm(all[upper] - all[upper - 1]) : USUAL_HEIGHT;
+  }
+
+  // Storeys like one, above the topmost one; shafts and stairs that lead to this one go on.
+  copyUp(name, count) {
+    const top = this.storeys.at(-1), from = (top.z ?? 0) + this.heightOf(top.name), height = this.heightOf(name), copies = [];
     let next = this;
-    for (const row of this.rows("stairs").filter(isMeant)) {
-      const first = above ? way[1] : row.upper;
-      next = next.mapRows((one) => one === row ? { ...row, upper: first } : one, ["stairs"]);
-      for (let k = above ? 1 : 0; k + 1 < way.length; k++) next = next.add("stairs", { ...row, name: next.unique("stairs", row.name), lower: way[k], upper: way[k + 1] });
+    for (let k = 0; k < count; k++) {
+      copies.push(next.unique("storeys", name === "ground" ? `storey ${this.storeys.length + k}` : name));
+      next = next.addStorey({ name: copies[k], z: mm(from + k * height), like: name });
+    }
+    next = next.mapRows((row) => row.upper === top.name ? { ...row, upper: copies.at(-1) } : row, ["shafts"]);
+    for (const row of this.rows("stairs").filter(({ upper }) => upper === top.name)) {
+      [top.name, ...copies].slice(0, -1).forEach((lower, k) => { next = next.add("stairs", { ...row, name: next.unique("stairs", row.name), lower, upper: copies[k] }); });
     }
     return next;
   }

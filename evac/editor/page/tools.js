@@ -1,15 +1,16 @@
 // What the pointer and the keyboard do in plan: select, move, and draw with one tool after the other.
 
-const WIDTHS = { door: 0.9, exit: 1.2, stair: 1.2, wall: 0.1 };  // Of what is drawn [m].
+const WIDTHS = { door: 0.9, exit: 1.2, wall: 0.1 };  // Of what is drawn [m].
+const STAIR = { width: 1.2, gap: 0.1 };  // Of a flight, and between the two of a U-shaped stair [m].
 const STEP = { rise: 0.17, going: 0.28 };  // Of stairs [m].
 const DRAGGED = 4;  // [pixels]
 const TOOLS = {
   select: { key: "v", points: 0, hint: "Click to select, drag walls, corners and what is selected; drag the ground to move the view" },
   room: { key: "r", points: Infinity, section: "rooms", hint: "Drag a rectangle, or click corner after corner and the first one again; digits are a length, 6x4 a rectangle" },
   wall: { key: "w", points: 2, section: "obstacles", hint: "Click on both ends; digits are a length" },
-  door: { key: "d", points: 1, section: "doors", hint: "Click on a wall between two rooms" },
-  exit: { key: "e", points: 1, section: "exits", hint: "Click on an outer wall" },
-  stair: { key: "s", points: 2, section: "shafts", hint: "Click on the middle of the lowest step, then on where it leads" },
+  door: { key: "d", points: 1, section: "doors", hint: "Click on a wall between two rooms, or drag along it" },
+  exit: { key: "e", points: 1, section: "exits", hint: "Click on an outer wall, or drag along it" },
+  stair: { key: "s", points: 2, section: "shafts", hint: "Click on the middle of the lowest step, then on where it leads; it turns where a straight one does not fit" },
   area: { key: "a", points: Infinity, section: "areas", hint: "Drag a rectangle, or click corner after corner; people start in areas" },
   obstacle: { key: "o", points: Infinity, section: "obstacles", hint: "Drag a rectangle, or click corner after corner; it is cut out of the floor" },
   measure: { key: "m", points: 2, hint: "Click on both ends" },
@@ -42,6 +43,12 @@ class Tools {
 
   get table() { return this.store.now; }
   get storey() { return this.view.storey; }
+  get isOnWalls() { return ON_WALLS.includes(TOOLS[this.tool].section); }
+
+  get isBox() { return this.drag?.kind === "draw" && this.points.length === 1 && TOOLS[this.tool].points === Infinity; }
+
+  // Why nothing can be drawn with the tool now; empty if it can.
+  fault() { return this.tool === "stair" && !this.table.above(this.storey) ? "A stair leads to the storey above, and there is none." : ""; }
 
   choose(tool) {
     this.cancel();
@@ -77,7 +84,9 @@ class Tools {
     }
     else {
       this.measured = null;
-      this.drag = { kind: "draw", start: this.addPoint(this.snap(point, event.shiftKey)), from: [event.offsetX, event.offsetY] };
+      const start = this.snap(point, event.shiftKey);
+      this.drag = { kind: "draw", start, from: [event.offsetX, event.offsetY] };
+      if (!this.isOnWalls) this.addPoint(start);
     }
     this.view.draw();
   }
@@ -116,17 +125,17 @@ class Tools {
     return moveSide(base, this.storey, side, by);
   }
 
-  // A door or an exit goes along its wall, or to another one; a tied one stays on its own.
+  // A door or an exit goes along its wall, or to another one; a tied one is tied to that.
   lineAt(base, ref, row, point, start) {
-    const [a, b] = this.view.lineOf(ref, row) ?? [start, start];
+    const line = this.view.lineOf(ref, row) ?? [start, start], by = minus(point, start), to = plus(middle(line), by);
+    const onOther = () => onWall(to, base.walls(this.storey), length(minus(...line)));
     if (isTie(row.segment)) {
-      const wall = base.wallOf(row.segment, row.storey) ?? [a, b].sort(([x1, y1], [x2, y2]) => x1 - x2 || y1 - y2), { step, whole } = nearest(wall[0], wall), by = minus(point, start), half = (row.segment.width ?? whole) / 2;
-      const at = onGrid((row.segment.at ?? whole / 2) + by[0] * step[0] + by[1] * step[1]), most = base.wallOf(row.segment, row.storey) ? whole - half : Infinity;
-      return base.put(ref, "segment", { ...row.segment, at: mm(Math.max(half, Math.min(most, at))) });
+      const own = base.wallOf(row.segment, row.storey), { step, whole } = nearest(to, own ?? line.toSorted(([x1, y1], [x2, y2]) => x1 - x2 || y1 - y2)), half = (row.segment.width ?? whole) / 2;
+      const at = onGrid((row.segment.at ?? whole / 2) + by[0] * step[0] + by[1] * step[1]), ends = own && (at < 0 || at > whole) && onOther();
+      return base.put(ref, "segment", ends ? base.tied(ref.section, ends, row.storey) : { ...row.segment, at: mm(Math.max(half, Math.min(own ? whole - half : Infinity, at))) });
     }
-    if (!isRing(row.segment)) return base.moveRow(ref, minus(point, start));
-    const ends = onWall(plus(middle([a, b]), minus(point, start)), base.walls(this.storey), length(minus(b, a)));
-    return ends ? base.put(ref, "segment", ends) : base.moveRow(ref, minus(point, start));
+    const ends = isRing(row.segment) && onOther();
+    return ends ? base.put(ref, "segment", ends) : base.moveRow(ref, by);
   }
 
   release(point, event) {
@@ -140,7 +149,8 @@ class Tools {
       const next = this.table;
       this.store.now = drag.base;
       this.store.commit(next);
-    } else if (drag?.kind === "draw" && this.points.length === 1 && length(minus([event.offsetX, event.offsetY], drag.from)) > DRAGGED) {
+    } else if (drag?.kind === "draw" && this.isOnWalls) this.finish([drag.start, this.at]);
+    else if (drag?.kind === "draw" && this.points.length === 1 && length(minus([event.offsetX, event.offsetY], drag.from)) > DRAGGED) {
       const end = this.snap(point, event.shiftKey);
       if (TOOLS[this.tool].points === Infinity) this.finish(rectangle(this.points[0], end));
       else this.addPoint(end);
@@ -150,11 +160,11 @@ class Tools {
 
   // The next point of what is drawn; the first one again, or the last one, ends an outline.
   addPoint(point) {
+    if (this.fault()) return this.act.say(this.fault());
     const { points } = TOOLS[this.tool], isEnd = this.points.length > 2 && [this.points[0], this.points[this.points.length - 1]].some((one) => keyOf(one) === keyOf(point));
     if (!isEnd) this.points.push(point);
     this.typed = "";
     if (isEnd || this.points.length === points) this.finish(this.points);
-    return point;
   }
 
   // A length, or two of a rectangle, that was typed: the next point is in the direction of the pointer.
@@ -182,27 +192,47 @@ class Tools {
       this.act.say(`${length(minus(points[1], points[0])).toFixed(3)} m`);
       return;
     }
-    const name = table.unique(section, tool), row = { name, storey };
-    if (tool === "door" || tool === "exit") {
-      const ends = onWall(points[0], this.view.wallsHere(), WIDTHS[tool]);
-      row.segment = ends && table.tied(section, ends, storey);
+    let { rows, told } = { rows: [{ storey, polygon: tool === "wall" ? stripOf(points, WIDTHS.wall) : points }], told: "" };
+    if (this.isOnWalls) rows = this.linesAt(points[0], points[1]).map((ends) => ({ storey, segment: table.tied(section, ends, storey) }));
+    else if (tool === "stair") {
+      const { row, kind, isFit } = this.stairOf(points);
+      [rows, told] = [[row], `: ${kind}${isFit ? "" : ", which does not fit here"}`];
     }
-    else if (tool === "wall") row.polygon = stripOf(points, WIDTHS.wall);
-    else if (tool === "stair") Object.assign(row, this.stairOf(points));
-    else row.polygon = points;
-    const outline = row.polygon, fault = tool === "stair" && !table.above(storey) ? "A stair leads to the storey above, and there is none: copy this one up first"
-      : row.segment === null ? "No wall is here" : outline && Math.abs(areaOf(outline)) < 0.01 ? "This is too small" : "";
-    if (fault) return this.act.say(fault);
-    if (tool === "stair") delete row.storey;
-    if (outline && areaOf(outline) < 0) outline.reverse();
-    this.store.commit(table.add(section, row));
-    this.act.select({ section, index: table.rows(section).length });
-    this.act.say(`${capital(name)} added`);
+    else if (Math.abs(areaOf(rows[0].polygon)) < 0.01) return this.act.say("This is too small");
+    if (!rows.length) return this.act.say("No wall is here");
+    let next = table;
+    for (const row of rows) {
+      if (row.polygon && areaOf(row.polygon) < 0) row.polygon.reverse();
+      next = next.add(section, { name: next.unique(section, tool === "stair" ? "stair A" : tool), ...row });
+    }
+    const names = next.rows(section).slice(-rows.length).map(({ name }) => name);
+    this.store.commit(next);
+    this.act.select({ section, index: next.rows(section).length - 1 });
+    this.act.say(names.length > 1 ? `${capital(names.join(", "))} added: one for each room` : `${capital(names[0])} added${told}`);
   }
 
+  // The lines of doors or exits at a point of a wall, or along it from one point to another.
+  linesAt(from, to = from) {
+    const walls = this.view.wallsHere(), along = length(minus(to, from)) * this.view.zoom > DRAGGED ? spanned(from, to, walls) : [];
+    return along.length ? along : [onWall(from, walls, WIDTHS[this.tool])].filter(Boolean);
+  }
+
+  // A stair from a foot in a direction, of the kind that fits into the room: straight, or else with a half landing, put
+  // aside as far as needed; `outline` is what it takes in plan.
   stairOf([foot, to]) {
-    const way = minus(to, foot), far = length(way) || 1;
-    return { lower: this.storey, upper: this.table.above(this.storey)?.name, foot, width: WIDTHS.stair, direction: far > 1e-6 && length(way) ? way.map((value) => mm(value / far)) : [1, 0], ...STEP };
+    const { table, storey } = this, way = minus(to, foot), far = length(way), [dx, dy] = far > 1e-6 ? way.map((value) => value / far) : [1, 0], { width } = STAIR;
+    const upper = table.above(storey), rise = (upper.z ?? 0) - (table.storey(storey).z ?? 0), run = rise * STEP.going / STEP.rise, wall = (table.storey(storey).wall ?? 0) / 2;
+    const at = (along, aside) => [foot[0] + along * dx - aside * dy, foot[1] + along * dy + aside * dx], box = (far, left, right) => [at(0, left), at(far, left), at(far, right), at(0, right)];
+    const room = ["rooms", "storeys"].flatMap((section) => table.on(storey).filter((ref) => ref.section === section).flatMap((ref) => table.rings(ref))).find((ring) => isInside(foot, ring));
+    const own = { lower: storey, upper: upper.name, width, direction: [mm(dx), mm(dy)], ...STEP }, both = 2 * width + STAIR.gap, half = width / 2;
+    const found = [{ row: { ...own, foot }, kind: "straight", needs: box(run + width, -half, half), outline: box(run, -half, half) }];
+    const sides = room ? range(room, ([x, y]) => (y - foot[1]) * dx - (x - foot[0]) * dy) : [0, 0];
+    for (const [turn, sign] of [["left", 1], ["right", -1]]) {
+      const low = sign > 0 ? -half : half - both, aside = Math.max(sides[0] + wall - low, Math.min(0, sides[1] - wall - low - both)), outline = box(run / 2 + width, low + aside, low + aside + both);
+      found.push({ row: { ...own, foot: at(0, aside).map(mm), turn }, kind: `U-shaped, turning ${turn}`, needs: outline, outline });
+    }
+    const fit = found.find(({ needs }) => room && holds(room, needs));
+    return { ...(fit ?? found[0]), isFit: Boolean(fit) };
   }
 
   // Arrows move what is selected, or the cross with which one draws; Enter is a click.
@@ -236,8 +266,6 @@ class Tools {
     this.store.commit(isTie(row.segment) ? this.lineAt(this.table, ref, row, plus(start, by), start) : this.table.moveRow(ref, by), name);
   }
 }
-
-const STAIRS = ["shafts", "stairs"];
 
 // A wall goes across itself only.
 function across([a, b], by) {

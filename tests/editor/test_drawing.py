@@ -1,0 +1,183 @@
+"""What the tools make of rooms: stairs that fit, exits along walls, sizes beside what is drawn."""
+
+import numpy as np
+import pytest
+
+from tests.editor.test_page import Page
+
+PLAN = """\
+[[storeys]]
+name = "ground"
+wall = 0.1
+
+[[rooms]]
+name = "a"
+storey = "ground"
+polygon = [[0, 0], [6, 0], [6, 5], [0, 5]]
+
+[[rooms]]
+name = "b"
+storey = "ground"
+polygon = [[6, 0], [14, 0], [14, 5], [6, 5]]
+
+[[rooms]]
+name = "stairs"
+storey = "ground"
+polygon = [[14, 0], [17, 0], [17, 5], [14, 5]]
+"""
+
+
+@pytest.fixture
+def page(browser, serve, tmp_path):
+    """The page of a plan with three rooms in a row."""
+    (tmp_path / "rooms.plan.toml").write_text(PLAN)
+    page = Page(browser, serve(tmp_path / "rooms.plan.toml"))
+    yield page
+    page.close()
+    assert browser.errors == []
+
+
+def segments(page, section):
+    page.judged()
+    return {row["name"]: row["ends"][0] for row in page.run(f"editor.view.judged.segments.{section}")}
+
+
+def test_a_stair_needs_a_storey_above_which_is_offered(page):
+    page.keys("s")
+    assert "there is none" in page.text("#hint")
+    page.click((2, 1), (2, 4))
+    assert "shafts" not in page.plan
+    page.run("document.querySelector('#hint button').click()")
+    assert [row["name"] for row in page.plan["storeys"]] == ["ground", "storey 1"]
+    assert "there is none" not in page.text("#hint")
+    page.click((8, 2), (13, 2))
+    assert page.plan["shafts"][0]["upper"] == "storey 1"
+
+
+@pytest.mark.parametrize(
+    ("foot", "to", "turn", "at"),
+    [
+        ((7, 2.5), (9, 2.5), None, [7, 2.5]),  # 4.94 m of steps and 1.2 m to arrive at
+        ((9, 2.5), (11, 2.5), "left", [9, 2.5]),
+        ((10, 4.3), (7, 4.3), "left", [10, 4.3]),
+        ((15.9, 0.9), (15.9, 3), "left", [15.9, 0.9]),
+        ((14.7, 0.9), (14.7, 3), "left", [15.95, 0.9]),  # moved aside, to the wall of 0.1 m
+    ],
+)
+def test_a_stair_is_of_the_kind_that_fits(page, foot, to, turn, at):
+    page.run("editor.act.copyUp(1)")
+    page.keys("s")
+    page.click(foot, to)
+    page.judged()
+    stair = page.plan["shafts"][0]
+    assert stair.get("turn") == turn
+    assert stair["foot"] == pytest.approx(at, abs=0.051)
+    kinds = page.run("editor.view.judged.levels.map(({ kind }) => kind)")
+    assert kinds.count("landing") == (turn is not None)
+    assert ("U-shaped" in page.text("#told")) == (turn is not None)
+    rooms = [row["polygon"] for row in page.plan["rooms"]]
+    room = next(ring for ring in rooms if ring[0][0] < foot[0] < ring[1][0])
+    pieces = page.run("editor.view.judged.levels.filter(({ kind }) => kind !== 'floor').flatMap((one) => one.polygons)")
+    corners = np.concatenate([ring for ring, *_ in pieces])
+    assert (corners >= np.min(room, axis=0) - 1e-3).all()
+    assert (corners <= np.max(room, axis=0) + 1e-3).all()
+
+
+def test_a_stair_that_fits_nowhere_is_told(page):
+    page.run("editor.act.copyUp(1)")
+    page.keys("s")
+    page.click((15, 2.5), (14.2, 2.5))
+    assert "does not fit" in page.text("#told")
+
+
+def test_stairs_of_shafts_have_names_of_their_own(page):
+    page.run("editor.act.copyUp(3)")
+    page.keys("s")
+    page.click((7, 1), (9, 1), (7, 3.5), (9, 3.5))
+    assert [row["name"] for row in page.plan["shafts"]] == ["stair A", "stair B"]
+    page.run("editor.store.commit(editor.store.now.mapRows((row) => ({ ...row, upper: 'storey 3' }), ['shafts']))")
+    page.judged()
+    stairs = page.run("editor.view.judged.levels.filter(({ kind }) => kind === 'flight').map(({ stair }) => stair)")
+    assert sorted(stairs) == [f"stair {shaft} {number}" for shaft in "AB" for number in range(3)]
+    assert page.run("editor.store.now.unique('shafts', 'stair A')") == "stair C"
+
+
+def test_an_exit_along_several_rooms_is_one_of_each(page):
+    page.keys("e")
+    page.drag((2, 0), (9, 0))
+    assert "one for each room" in page.text("#told")
+    found = segments(page, "exits")
+    assert found["exit"] == pytest.approx([2, 0, 5.9, 0])
+    assert found["exit 2"] == pytest.approx([6.1, 0, 9, 0])
+    assert [row["segment"]["rooms"] for row in page.plan["exits"]] == [["a"], ["b"]]
+
+
+def test_an_exit_is_dragged_round_the_corner_of_a_room(page):
+    page.keys("e")
+    page.click((3, 0))
+    page.keys("Escape")
+    page.drag((3, 0), (5, 0))
+    assert page.row("exits", "exit")["segment"] == {"rooms": ["a"], "side": 0, "at": 5, "width": 1.2}
+    page.drag((5, 0), (9, 0))
+    assert page.row("exits", "exit")["segment"] == {"rooms": ["b"], "side": 0, "at": 3, "width": 1.2}
+    page.drag((9, 0), (11, 1.5))
+    assert page.row("exits", "exit")["segment"] == {"rooms": ["b"], "side": 0, "at": 5, "width": 1.2}
+
+
+def test_a_door_is_as_wide_as_it_is_dragged(page):
+    page.keys("d")
+    page.drag((6, 1), (6, 3))
+    assert page.row("doors", "door")["segment"] == {"rooms": ["a", "b"], "at": 2, "width": 2}
+
+
+def test_the_size_stands_in_a_rectangle_that_is_dragged(page):
+    page.run("editor.texts = [], editor.view.text = (words) => editor.texts.push(words)")
+    page.keys("r")
+    (x1, y1), (x2, y2) = page.spot(1, 6), page.spot(4.5, 8)
+    page.browser.mouse("mouseMoved", x1, y1)
+    page.browser.mouse("mousePressed", x1, y1, 1)
+    page.browser.mouse("mouseMoved", x2, y2, 1)
+    page.browser.settle()
+    assert "3.50 × 2.00 m" in page.run("editor.texts")
+    page.browser.mouse("mouseReleased", x2, y2)
+
+
+def test_copies_of_a_storey_are_above_all_others(page):
+    page.run("editor.act.copyUp(2)")
+    page.keys("s")
+    page.click((7, 1), (9, 1))
+    page.run("editor.store.commit(editor.store.now.put({ section: 'shafts', index: 0 }, 'upper', 'storey 2'))")
+    page.run("editor.act.copyUp(1)")
+    page.judged()
+    plan = page.plan
+    assert [(row["name"], row.get("z", 0), row.get("like")) for row in plan["storeys"]] == [
+        ("ground", 0, None),
+        ("storey 1", 3, "ground"),
+        ("storey 2", 6, "ground"),
+        ("storey 3", 9, "ground"),
+    ]
+    assert plan["shafts"][0]["upper"] == "storey 3"
+    assert page.run("editor.view.judged.levels.filter(({ kind }) => kind === 'flight').length") == 3
+
+
+def test_the_use_of_a_room_is_chosen_with_its_load(page):
+    page.run("editor.act.select({ section: 'rooms', index: 0 })")
+    options = page.run("[...document.querySelectorAll('#inspector select option')].map((one) => one.textContent)")
+    assert "office: 6 m² a person" in options
+    assert "corridor: nobody" in options
+    page.type("Use", "office")
+    assert "ADB D1: office" in page.text("#inspector")
+    assert page.row("rooms", "a")["use"] == "office"
+    page.type("Use", "another use …")
+    page.type("Use", "vault")
+    assert page.row("rooms", "a")["use"] == "vault"
+    page.type("Use", "")
+    assert "use" not in page.row("rooms", "a")
+
+
+def test_a_building_without_an_exit_offers_the_tool(page):
+    page.judged()
+    assert "Exit (E)" in page.text("#findings .error")
+    assert "[[exits]]" not in page.text("#findings .error")
+    page.run("document.querySelector('#findings .error').click()")
+    assert page.run("editor.tools.tool") == "exit"
