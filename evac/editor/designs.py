@@ -1,6 +1,8 @@
 """Designs of a case: their runs with many seeds, made one after the other, and what they differ in."""
 
 import re
+from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +11,13 @@ from evac.editor.running import Command
 from evac.folder.files import COMPLETE, MANIFEST_NAME, STUDY_NAME, read_manifest
 from evac.folder.lock import holder_here
 from evac.folder.resultfolder import running_beside
-from evac.folder.textfiles import plain
 from evac.report.comparison import compare
 from evac.study.study import read_study
 
 #: Greatest number of runs that the page can order.
 MOST_RUNS = 1000
+#: Number of designs of which what is shown is kept.
+MOST_SHOWN = 100
 NAME = re.compile(r"\w[\w-]{0,39}")
 
 
@@ -26,7 +29,6 @@ class Designs:
         locks = self.folder.parent.glob(f"{self.folder.name}*.lock")
         going_on = [lock.with_suffix("") for lock in locks if holder_here(lock) is not None]
         self._command = Command(going_on[0] if going_on else self.folder)
-        self._known: dict[Path, tuple[int, dict[str, Any]]] = {}  # by folder: when it was written, and what is shown
 
     def start(self, name: str, runs: int) -> None:
         """Start `evac repeat` for a design, or continue one that was stopped.
@@ -55,63 +57,33 @@ class Designs:
 
     def state(self) -> dict[str, Any]:
         """Return the designs that are complete, and in ``making`` and ``failed`` what is told of the command."""
-        found = {"designs": [self._shown(name, folder) for name, folder in sorted(self._folders().items())]}
+        found = {"designs": [_shown(name, *folder) for name, folder in sorted(self._folders().items())]}
         if self._command.holder() is not None:
             name = self._name(self._command.folder)
             return found | {"making": f"{name}: {self._progress()}"}
         return found | {"failed": self._command.failure()}
 
-    def compared(self, names: list[str]) -> dict[str, Any]:
-        """Return the verdicts of designs, their differences from the first one, and their curves.
+    def page(self, names: Sequence[str]) -> bytes | None:
+        """Return the page of `evac compare` with designs beside each other; None if there is no such design.
 
         Raises
         ------
         ResultError
-            There is no such design, or their runs have no seed in common.
+            Their runs have no seed in common.
         """
         folders = self._folders()
-        if missing := [name for name in names if name not in folders]:
-            raise ResultError(f"{missing[0]}: there are no such runs")
-        comparison = compare(*((read_study(folders[name]), 0) for name in names))
-        rows = [
-            {
-                "verdict": one.verdict["text"],
-                "status": one.verdict["status"],
-                "out": f"everybody out in {sum(one.is_complete)} of {counted(len(one.seeds), 'run')}",
-            }
-            for one in comparison.designs
-        ]
-        keys = {"low": "percentile_5_over_runs", "mean": "mean_over_runs", "high": "percentile_95_over_runs"}
-        curves = [{key: curve[column] for key, column in keys.items()} for curve in comparison.curves().values()]
-        own = {design.label: name for name, design in zip(names, comparison.designs, strict=True)}
-        differences = [
-            [own[one.design], one.measure, one.before, one.after, one.change.words(), one.verdict]
-            for one in comparison.differences
-        ]
-        time = next(iter(comparison.curves().values()))["time"]
-        found = {"names": names, "designs": rows, "differences": differences, "time": time, "curves": curves}
-        shown: dict[str, Any] = plain(found | {"people": comparison.people})
-        return shown
+        if not folders.keys() >= {*names}:
+            return None
+        return compare(*((read_study(folders[name][0]), 0) for name in names)).page().encode()
 
-    def _folders(self) -> dict[str, Path]:
-        """Return the folders of complete studies by the names of their designs."""
-        near = self.folder.parent.glob(f"{self.folder.name}*/{STUDY_NAME}")
-        whole = [path.parent for path in near if read_manifest(path.parent).state == COMPLETE]
-        return {self._name(folder): folder for folder in whole}
+    def _folders(self) -> dict[str, tuple[Path, int]]:
+        """Return the folders of complete studies by the names of their designs, and when they were written."""
+        near = [path.parent for path in self.folder.parent.glob(f"{self.folder.name}*/{STUDY_NAME}")]
+        whole = [folder for folder in near if read_manifest(folder).state == COMPLETE]
+        return {self._name(folder): (folder, (folder / MANIFEST_NAME).stat().st_mtime_ns) for folder in whole}
 
     def _name(self, folder: Path) -> str:
         return folder.name.removeprefix(f"{self.folder.name}-")
-
-    def _shown(self, name: str, folder: Path) -> dict[str, Any]:
-        written = (folder / MANIFEST_NAME).stat().st_mtime_ns
-        if self._known.get(folder, (None,))[0] != written:
-            study = read_study(folder)
-            each = study.statistics[0]
-            found = [(one.name, one.text, one.bounds(".1f")) for one in (each[study.central], each.percentiles[-1])]
-            text = ", ".join(f"{what} {value} s" + (f" ({bounds})" if bounds else "") for what, value, bounds in found)
-            row = {"name": name, "runs": counted(each.runs, "run"), "text": text}
-            self._known[folder] = written, row
-        return self._known[folder][1]
 
     def _progress(self) -> str:
         lines = [line for line in self._command.lines() if line.endswith("runs")]
@@ -120,3 +92,13 @@ class Designs:
         except ResultError:  # nothing is written yet, or the folder has just been renamed
             return lines[-1] if lines else "starting"
         return f"{study.stored_runs} of {study.rule.first} runs"
+
+
+@lru_cache(MOST_SHOWN)
+def _shown(name: str, folder: Path, written: int) -> dict[str, Any]:
+    """Return what the list has of a design; `written` is when its study was."""
+    study = read_study(folder)
+    each = study.statistics[0]
+    found = [(one.name, one.text, one.bounds(".1f")) for one in (each[study.central], each.percentiles[-1])]
+    text = ", ".join(f"{what} {value} s" + (f" ({bounds})" if bounds else "") for what, value, bounds in found)
+    return {"name": name, "runs": counted(each.runs, "run"), "text": text}

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import shapely
 
+from evac.base.arrays import FloatArray
 from evac.base.errors import BuildingError, EvacError
-from evac.building.model.building import Building, Level
+from evac.building.model.building import Building, Door, Exit, Level
 from evac.building.model.findings import PART, Finding, findings_of, numbered_rows
 from evac.building.model.links import levels_reaching
 from evac.building.options import BuildingOptions
@@ -63,11 +64,20 @@ def judge(
     }
 
 
+def storeys_of(building: Building) -> list[str]:
+    """Return the storey of each level, by its name in the plan; that of a stair is the one from which it leads up."""
+    found = dict[int, str]()
+    for _, levels in building.storeys:
+        floors = [level for level in levels if level.kind == "floor"] or levels
+        names = {one.index: (one if one.kind == "floor" else floors[0]).name for one in levels}
+        found |= {index: PART.sub("", name) for index, name in names.items()}
+    return [found[level.index] for level in building.levels]
+
+
 def floors_of(building: Building) -> list[dict[str, Any]]:
     """Return name and height of the storeys of a building that is no plan."""
-    floors = [level for level in building.levels if level.kind == "floor"]
-    lowest = sorted(floors, key=lambda level: level.z_min)
-    return [{"name": name, "z": z} for name, z in {PART.sub("", one.name): one.z_min for one in lowest[::-1]}.items()]
+    floors = [level for _, levels in building.storeys[::-1] for level in levels if level.kind == "floor"]
+    return [{"name": name, "z": z} for name, z in {PART.sub("", one.name): one.z_min for one in floors}.items()]
 
 
 def _drawn(building: Building) -> dict[str, Any]:
@@ -76,26 +86,19 @@ def _drawn(building: Building) -> dict[str, Any]:
     page, floors = building_for_page(building, origin)
     ends = [way for way in building.exits if building.is_open(way)]
     reached = levels_reaching(building, ends) if ends else set()
-    storeys = [PART.sub("", level.name) for level in building.levels]
+    storeys = storeys_of(building)
+    lines: dict[str, list[tuple[Door | Exit, FloatArray]]] = {
+        "doors": [(door, door.segment) for door in building.doors],
+        "exits": [(way, way.segments) for way in building.exits],
+    }
     return {
         "levels": [_level(level, storeys[level.index], level.index in reached) for level in building.levels],
         "segments": {
-            "doors": [
-                {
-                    "name": one.name,
-                    "storey": storeys[one.level],
-                    "ends": np.round(one.segment, 3).reshape(-1, 4).tolist(),
-                }
-                for one in building.doors
-            ],
-            "exits": [
-                {
-                    "name": one.name,
-                    "storey": storeys[one.level],
-                    "ends": np.round(one.segments, 3).reshape(-1, 4).tolist(),
-                }
-                for one in building.exits
-            ],
+            section: [
+                {"name": one.name, "storey": storeys[one.level], "ends": np.round(line, 3).reshape(-1, 4).tolist()}
+                for one, line in own
+            ]
+            for section, own in lines.items()
         },
         "three": {"building": page, "floors": base64.b64encode(floors.tobytes()).decode(), "origin": origin.tolist()},
     }
@@ -107,12 +110,10 @@ def _level(level: Level, storey: str, is_reached: bool) -> dict[str, Any]:
         for part in shapely.get_parts(level.polygon)
     ]
     return {
-        "storey": storey if level.kind == "floor" else None,
+        "storey": storey,
         "kind": level.kind,
         "stair": level.stair,
-        "z": [round(level.z_min, 3), round(level.z_max, 3)],
         "uphill": np.round(level.uphill, 4).tolist(),
-        "slope": round(float(np.degrees(level.slope)), 1),
         "reached": is_reached,
         "polygons": rings,
     }

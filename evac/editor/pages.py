@@ -58,9 +58,8 @@ class Page:
 
     def _repr_html_(self) -> str:
         at = html.escape(self.address)
-        frame = (
-            f'<iframe src="{at}" title="evac edit" style="width: 100%; height: 46rem; border: 1px solid #888"></iframe>'
-        )
+        style = "width: 100%; height: 46rem; border: 1px solid #888"
+        frame = f'<iframe src="{at}" title="evac edit" style="{style}"></iframe>'
         return f'<p><a href="{at}" target="_blank">{html.escape(str(self.file))}</a></p>{frame}'
 
 

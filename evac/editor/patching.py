@@ -3,15 +3,16 @@
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import SequenceMatcher
+from itertools import groupby
 from typing import Any, TypeAlias
 
 from evac.base.toml import BARE, toml_key, toml_value
 from evac.folder.textfiles import plain
 
-BLANK, SKIPPED = re.compile(r"[ \t]*"), re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+NEWLINE, BLANK, SKIPPED = re.compile(r"\r?\n"), re.compile(r"[ \t]*"), re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 SCALAR, REST = re.compile(r"[^,\]}\n#]*[^,\]}\n# \t\r]"), re.compile(r"[ \t]*(#[^\n]*|\r?)(?=\n|$)")
 STRINGS = [
     re.compile(r'"""(?:\\.|[^\\])*?"{3,5}', re.S),
@@ -56,22 +57,11 @@ def patched(text: str, new: Mapping[str, Any]) -> str:
     for is_fine in (True, False):  # items of lists one by one; else lists as a whole
         try:
             result = _Patch(body, is_fine).result(before, new)
-            if _same(tomllib.loads(result), new):
+            if plain(tomllib.loads(result)) == plain(new):
                 return text[: len(text) - len(body)] + result
         except (KeyError, IndexError, AttributeError, tomllib.TOMLDecodeError):
             continue
     raise ValueError("this change cannot be made in the text of the file without touching more of it; edit it by hand")
-
-
-def _same(one: Any, other: Any) -> bool:
-    """Whether data are equal as JSON, where a missing list is an empty one."""
-    return bool(_without_empty(plain(one)) == _without_empty(plain(other)))
-
-
-def _without_empty(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_empty(item) for key, item in value.items() if item != []}
-    return [_without_empty(item) for item in value] if isinstance(value, list) else value
 
 
 class _Patch:
@@ -102,7 +92,7 @@ class _Patch:
                 self._change(span.parts[key], value, new[key], (*place, key))
             elif span.kind != "inline":
                 self._erase(span.parts[key])
-        added = [(key, value) for key, value in new.items() if key not in old and value != []]
+        added = [(key, value) for key, value in new.items() if key not in old]
         if span.kind == "inline":
             end = max(one.end for one in span.parts.values())
             self.edits += [(end, end, f", {toml_key(key)} = {toml_value(value)}") for key, value in added]
@@ -115,12 +105,7 @@ class _Patch:
             is_list = isinstance(value, list) and isinstance(value[0], dict)
             if (is_list and has_heads) or (isinstance(value, Mapping) and (has_heads or is_implied)):
                 at = len(self.text) if span is self.root else span.last
-                rows = (
-                    [self._head(at, (*place, key), row) for row in value]
-                    if is_list
-                    else self._heads(at, (*place, key), value)
-                )
-                self.edits.append((at, at, "".join(rows)))
+                self.edits.append((at, at, "".join(self._heads(at, (*place, key), value))))
             else:
                 text = (
                     "[\n" + "".join(f"    {toml_value(row)},\n" for row in value) + "]"
@@ -146,28 +131,26 @@ class _Patch:
     def _rows(self, span: Span, old: Sequence[Any], new: Sequence[Any], place: Key) -> None:
         """Change a list of tables with heads."""
         at = span.items[0].first
-        for operation, i1, i2, j1, j2 in _matched(old, new):
-            common = i2 - i1 if operation == "equal" else min(i2 - i1, j2 - j1)
-            for k in range(common):
-                self._table(span.items[i1 + k], old[i1 + k], new[j1 + k], place)
-            for row in span.items[i1 + common : i2]:
-                self._erase(row)
-            at = span.items[i2 - 1].last if i2 else at
-            if j2 - j1 > common:
-                text = "".join(self._head(at, place, row) for row in new[j1 + common : j2])
-                self.edits.append((at, at, text if i2 else f"{text[1:]}\n"))
+        for changed, gone, added in _matched(old, new):
+            for i, j in changed:
+                self._table(span.items[i], old[i], new[j], place)
+            for i in gone:
+                self._erase(span.items[i])
+            at = span.items[gone.stop - 1].last if gone.stop else at
+            if added:
+                text = "".join(self._head(at, place, row) for row in added)
+                self.edits.append((at, at, text if gone.stop else f"{text[1:]}\n"))
 
     def _list(self, span: Span, old: Sequence[Any], new: Sequence[Any], place: Key) -> None:
         """Change an array item by item."""
         items = span.items
-        for operation, i1, i2, j1, j2 in _matched(old, new):
-            common = i2 - i1 if operation == "equal" else min(i2 - i1, j2 - j1)
-            for k in range(common):
-                self._change(items[i1 + k], old[i1 + k], new[j1 + k], place)
-            self._remove(items, range(i1 + common, i2))
-            values = [toml_value(value) for value in new[j1 + common : j2]]
-            if values and i1 + common:
-                self._insert_after(items, i1 + common - 1, values)
+        for changed, gone, added in _matched(old, new):
+            for i, j in changed:
+                self._change(items[i], old[i], new[j], place)
+            self._remove(items, gone)
+            values = [toml_value(value) for value in added]
+            if values and gone.start:
+                self._insert_after(items, gone.start - 1, values)
             elif values:
                 start = items[0].start
                 line = self.text.rfind("\n", span.start, start) + 1
@@ -190,7 +173,8 @@ class _Patch:
 
     def _remove(self, items: Sequence[Span], gone: Sequence[int]) -> None:
         """Remove some items of an array, or pairs of an inline table, but not all of them: run after run."""
-        for run in _runs(gone):
+        for _, pairs in groupby(enumerate(gone), lambda pair: pair[1] - pair[0]):
+            run = [k for _, k in pairs]
             first, last = items[run[0]], items[run[-1]]
             line = self.text.rfind("\n", 0, first.first) + 1
             comma = _past(SKIPPED, self.text, last.end)
@@ -208,10 +192,7 @@ class _Patch:
             for part in span.parts.values():
                 self._erase(part)
         for row in span.items if span.kind == "tables" else [span] if span.kind == "table" else []:
-            end = (
-                row.end + (self.text[row.end : row.end + 1] == "\n") + 2 * (self.text[row.end : row.end + 2] == "\r\n")
-            )
-            self.edits.append((row.first, end, ""))
+            self.edits.append((row.first, _past(NEWLINE, self.text, row.end), ""))
             for part in row.parts.values():
                 if part.kind in ("table", "tables"):
                     self._erase(part)
@@ -223,34 +204,29 @@ class _Patch:
         half = len(marks) // 2
         return f"{self._break(at)}\n{marks[:half]}{'.'.join(map(toml_key, place))}{marks[half:]}\n{pairs}"
 
-    def _heads(self, at: int, place: Key, table: Mapping[str, Any]) -> list[str]:
-        """Return a table with its head, or, if it has nothing but tables, these with theirs."""
-        if table and all(isinstance(value, Mapping) for value in table.values()):
-            return [head for key, value in table.items() for head in self._heads(at, (*place, key), value)]
-        return [self._head(at, place, table, "[]")]
+    def _heads(self, at: int, place: Key, value: Any) -> list[str]:
+        """Return the rows of a list with their heads; a table with its head, or, if it has only tables, these."""
+        if isinstance(value, list):
+            return [self._head(at, place, row) for row in value]
+        if value and all(isinstance(part, Mapping) for part in value.values()):
+            return [head for key, part in value.items() for head in self._heads(at, (*place, key), part)]
+        return [self._head(at, place, value, "[]")]
 
     def _break(self, at: int) -> str:
         return "\n" if at and self.text[at - 1] != "\n" else ""
 
 
-def _runs(numbers: Iterable[int]) -> list[list[int]]:
-    runs: list[list[int]] = []
-    for number in numbers:
-        if runs and runs[-1][-1] == number - 1:
-            runs[-1].append(number)
-        else:
-            runs.append([number])
-    return runs
-
-
-def _matched(old: Sequence[Any], new: Sequence[Any]) -> Sequence[tuple[str, int, int, int, int]]:
-    """Return which rows of a list have become which, as `SequenceMatcher` does."""
+def _matched(old: Sequence[Any], new: Sequence[Any]) -> Iterator[tuple[list[tuple[int, int]], range, Sequence[Any]]]:
+    """Yield, from the first place of a list to the last, which rows have become which, which are gone, and new ones."""
 
     def known(value: Any) -> str:
         by = [value[key] for key in IDENTITY if key in value] if isinstance(value, Mapping) else value
         return json.dumps(plain(by))
 
-    return SequenceMatcher(None, [*map(known, old)], [*map(known, new)], autojunk=False).get_opcodes()
+    blocks = SequenceMatcher(None, [*map(known, old)], [*map(known, new)], autojunk=False).get_opcodes()
+    for _, i1, i2, j1, j2 in blocks:
+        common = min(i2 - i1, j2 - j1)
+        yield [(i1 + k, j1 + k) for k in range(common)], range(i1 + common, i2), new[j1 + common : j2]
 
 
 # The spans of a text, which tomllib has read before.

@@ -27,13 +27,10 @@ class Pictures:
         self.file, self._lock = file.with_name(file.name + PICTURES), threading.Lock()
 
     def all(self) -> dict[str, Any]:
-        """Return the pictures by storey; what is not valid is left out."""
-        found = {}
-        with suppress(OSError, ValueError, AttributeError):
-            for storey, row in json.loads(content_of(self.file)).items():
-                with suppress(ScenarioError, LookupError, TypeError):
-                    found[storey] = _checked(row)
-        return found
+        """Return the pictures by storey; none if the file is not valid."""
+        with suppress(OSError, ValueError, AttributeError, ScenarioError, LookupError, TypeError):
+            return {storey: _checked(row) for storey, row in json.loads(content_of(self.file)).items()}
+        return {}
 
     def put(self, storey: str, given: Mapping[str, Any] | None) -> dict[str, Any]:
         """Keep the picture of a storey, or only where it is if its ``data`` is not given; None takes it away.

@@ -14,9 +14,8 @@ import numpy as np
 from evac.base.display import numbers_of
 from evac.base.errors import EvacError, ResultError
 from evac.base.phases import Progress
-from evac.building.model.building import Level
-from evac.building.model.findings import PART
 from evac.case.loading import load_case
+from evac.editor.judging import storeys_of
 from evac.folder.files import COMPLETE, REPLAY_NAME, REPORT_NAME, SUMMARY_NAME, TRAJECTORY_NAME, read_manifest
 from evac.folder.lock import holder_here
 from evac.folder.resultfolder import running_beside
@@ -100,13 +99,7 @@ class Runner(Command):
         self._ended: tuple[Any, dict[str, Any]] = (None, {})
 
     def begin(self, command: str) -> None:
-        """Start ``run`` on the case, or ``report`` on its result.
-
-        Raises
-        ------
-        ResultError
-            Another command writes the result.
-        """
+        """Start ``run`` on the case, or ``report`` on its result."""
         self._trajectory = self._first = None
         arguments = {"run": [str(self.case_file), "--out", str(self.folder)], "report": [str(self.folder)]}[command]
         self.start(command, *arguments)
@@ -158,22 +151,10 @@ class Runner(Command):
         seen, first = self._first = self._first or (time.perf_counter(), now)
         text = numbers_of(first, now, time.perf_counter() - seen) if now != first else "running"
         at = np.round(np.column_stack([frame["position"], frame["z"]]), 2)
-        storey = np.array(_storeys(trajectory))[frame["level"]]
+        storey = np.array(storeys_of(trajectory.building))[frame["level"]]
         return {"text": text, "people": {str(name): at[storey == name].ravel().tolist() for name in set(storey)}}
 
     def _duration(self) -> float:
         if self._first is not None:
             return self._first[1].duration
         return float(load_case(self.case_file).simulation.duration)
-
-
-def _storeys(trajectory: Trajectory) -> list[str]:
-    """Return the storey of each level; that of a stair is the highest one that is not above its foot."""
-    levels = trajectory.building.levels
-    floors = sorted((level for level in levels if level.kind == "floor"), key=lambda level: level.z_min)
-    own = [level if level.kind == "floor" else _below(level, floors) for level in levels]
-    return [PART.sub("", level.name) for level in own]
-
-
-def _below(stair: Level, floors: list[Level]) -> Level:
-    return [floors[0], *(floor for floor in floors if floor.z_min < stair.z_min + 0.05)][-1]

@@ -10,14 +10,14 @@ import threading
 import time
 import webbrowser
 from collections.abc import Callable, Mapping
-from functools import cached_property, partial
+from functools import cached_property
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 from evac.base.errors import EvacError, ScenarioError
 from evac.editor.beginning import begin
-from evac.editor.session import ChangedOnDiskError, Request, Session
+from evac.editor.session import ChangedOnDiskError, Session
 from evac.replay.writer import PAGE as REPLAY
 
 PAGE = Path(__file__).with_name("page")
@@ -122,20 +122,22 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """Send a file of the page, the plan, or events."""
         name, session = self._allowed_name(), self.server.session
-        if name == "document":
-            self._answer(session.document if session is not None else lambda: {"begin": True})
-        elif name == "forms" and session is not None:
-            self._answer(session.forms)
-        elif name == "pictures" and session is not None:
-            self._answer(session.pictures.all)
+        if name is None:
+            return
+        kind, _, what = name.partition("/")
+        data: dict[str, Callable[[], dict[str, Any]]] = {"document": lambda: {"begin": True}}
+        if session is not None:
+            data = {"document": session.document, "forms": session.forms, "pictures": session.pictures.all}
+        if name in data:
+            self._answer(data[name])
         elif name == "events" and self.command == "GET" and session is not None:
             self._send_events(session)
-        elif name is not None and name.startswith("result/") and session is not None and session.runner is not None:
-            self._send_result(session.runner.file(name.removeprefix("result/")))
-        elif name is not None and (name or "page.html") in self.server.files:
+        elif session is not None and what:
+            self._answer(lambda: session.page(kind, what))
+        elif (name or "page.html") in self.server.files:
             name = name or "page.html"
             self._send(200, TYPES[name.rpartition(".")[2]], self.server.files[name])
-        elif name is not None:
+        else:
             self._refuse(404, "there is no such page")
 
     def do_POST(self) -> None:
@@ -155,24 +157,16 @@ class _Handler(BaseHTTPRequestHandler):
         session = self.server.session
         try:
             given = json.loads(content)
-            if session is None and name == "begin":
-                folder, file = Path(str(given["folder"])), base64.b64decode(given.get("content", ""))
-                arguments = folder, str(given["what"]), str(given.get("name", "")), file
-                self._answer(lambda: self._begun(*arguments))
-            elif session is None:
-                self._refuse(404, "nothing is edited yet")
-            elif name in (orders := _orders(session, given)):
-                self._answer(orders[name])
-            else:
-                self._refuse(404, "there is no such page")
+            orders = {"begin": lambda: self._begun(**given)} if session is None else session.orders(given)
+            self._answer(orders.get(name, lambda: None))
         except (ValueError, KeyError, TypeError, RecursionError):
             self._refuse(400, "this is not what the page sends")
 
-    def _begun(self, folder: Path, what: str, name: str, content: bytes) -> dict[str, Any]:
-        if len(folder.parts) != 1 or folder.name in ("", ".."):
+    def _begun(self, folder: str, what: str, name: str = "", content: str = "") -> dict[str, Any]:
+        if Path(folder).parts != (folder,) or folder == "..":
             raise ScenarioError(f"{folder}: give the name of a new folder in {Path.cwd()}")
-        folder, told = begin(folder, what, name, content)
-        self.server.session = Session(folder)
+        made, told = begin(Path(folder), what, name, base64.b64decode(content))
+        self.server.session = Session(made)
         return {"told": told}
 
     def _allowed_name(self) -> str | None:
@@ -194,17 +188,17 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self, work: Any) -> None:
         try:
-            self._send_json(200, work())
+            done = work()
+            if isinstance(done, bytes):
+                self._send(200, TYPES["html"], done, {"Content-Security-Policy": SANDBOX})
+            elif done is None:
+                self._refuse(404, "there is no such page")
+            else:
+                self._send_json(200, done)
         except ChangedOnDiskError as error:
             self._send_json(409, {"error": str(error)})
         except EvacError as error:
             self._send_json(422, {"error": str(error)})
-
-    def _send_result(self, content: bytes | None) -> None:
-        if content is None:
-            self._refuse(404, "there is no such file of a result")
-        else:
-            self._send(200, TYPES["html"], content, {"Content-Security-Policy": SANDBOX})
 
     def _refuse(self, code: int, text: str) -> None:
         self.close_connection = True  # what was sent is not read
@@ -248,16 +242,3 @@ class _Handler(BaseHTTPRequestHandler):
             pass  # the page was closed
         finally:
             session.listeners.remove(told)
-
-
-def _orders(session: Session, given: Mapping[str, Any]) -> dict[str, Callable[[], Any]]:
-    """Return what pages can have done, by name, with what one has given for it."""
-    return {
-        "check": lambda: session.check(Request(str(given["page"]), int(given["revision"]), dict(given["table"]))),
-        "save": lambda: session.save(dict(given["table"]), str(given["digest"])),
-        "curve": lambda: session.curve(given["value"]),
-        "picture": lambda: session.pictures.put(str(given["storey"]), given["picture"]),
-        "compare": lambda: session.compare([str(name) for name in given["designs"]]),
-        "repeat": lambda: session.command("repeat", str(given["name"]), int(given["runs"])),
-        **{name: partial(session.command, name) for name in ("run", "report", "stop", "stop-runs")},
-    }

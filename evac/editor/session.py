@@ -6,10 +6,10 @@ import json
 import queue
 import shutil
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from evac.base.distributions import parse
-from evac.base.errors import BuildingError, EvacError, ScenarioError
+from evac.base.errors import BuildingError, EvacError
 from evac.base.processes import Pool
 from evac.building.plan.plan import PLAN
 from evac.building.plan.plantable import read_table
@@ -39,23 +39,12 @@ from evac.simulation.assembly import make_building
 JOURNAL = ".unsaved"
 #: Time between two looks at the file on the disk, and at the run of the case [s].
 LOOK_EVERY = 0.5
-
-
 #: Shares of people for which the page gets the values of a distribution.
 SHARES = np.linspace(0.0, 1.0, 101)[1:-1]
 
 
 class ChangedOnDiskError(EvacError):
     """The file is not the one that the page has read."""
-
-
-@dataclass
-class Request:
-    """What waits to be judged, and the page and the revision that it is of."""
-
-    page: str
-    revision: int
-    table: Mapping[str, Any]
 
 
 class Session:
@@ -100,11 +89,12 @@ class Session:
         self.journal = self.file.with_name(self.file.name + JOURNAL)
         self.listeners: list[queue.Queue[tuple[str, Any]]] = []
         self.is_over = threading.Event()
-        self._lock, self._waiting = threading.Condition(), dict[str, Request]()
-        self._pool: Pool | None = None
+        self._lock, self._pool = threading.Condition(), Pool(1, is_quiet=True)
         texts, table = self._read()
         self._seen = _digest(texts)
-        self._judged(Request("", 0, table), is_awaited=False)  # while the browser opens the page
+        self._waiting: dict[str, tuple[int, Mapping[str, Any]]] = {
+            "": (0, table)
+        }  # by page: revision and table; this one while the browser opens the page
         for work in (self._judge_always, self._look_always):
             threading.Thread(target=work, daemon=True).start()
 
@@ -118,22 +108,19 @@ class Session:
             found["unsaved"] = {"table": journal["table"], "of_this_file": journal["digest"] == found["digest"]}
         return found
 
+    def page(self, kind: str, name: str) -> bytes | None:
+        """Return a page beside that of the editor: a file of the ``result``, or the ``comparison`` of designs."""
+        if kind == "result" and self.runner is not None:
+            return self.runner.file(name)
+        if kind == "comparison" and self.designs is not None:
+            return self.designs.page(name.split(","))
+        return None
+
     def forms(self) -> dict[str, Any]:
         """Return the schema of the case, with the parameters of all plugins, and the shipped presets."""
         return {"schema": case_schema(self.registry), "presets": {k: v["about"] for k, v in shipped_presets().items()}}
 
-    def curve(self, value: Any) -> dict[str, Any]:
-        """Return what the page draws of a distribution: the values that shares of people do not exceed, and the mean.
-
-        Raises
-        ------
-        ScenarioError
-            It is not valid.
-        """
-        distribution = parse(value, "the distribution")
-        return {"values": distribution.quantiles(SHARES).tolist(), "mean": distribution.mean()}
-
-    def check(self, request: Request) -> dict[str, Any]:
+    def check(self, page: str, revision: int, table: Mapping[str, Any]) -> dict[str, Any]:
         """Have a plan judged, instead of an earlier one of the same page that still waits, and note it in the journal.
 
         Raises
@@ -142,14 +129,14 @@ class Session:
             The journal cannot be written.
         """
         with self._lock:
-            self._waiting[request.page] = request
+            self._waiting[page] = (revision, table)
             self._lock.notify()
-        texts, table = self._read()
-        if plain(table) == request.table:
+        texts, written = self._read()
+        if plain(written) == table:
             self.journal.unlink(missing_ok=True)
         else:
-            write_json(self.journal, {"digest": _digest(texts), "table": request.table}, "the journal")
-        return {"revision": request.revision}
+            write_json(self.journal, {"digest": _digest(texts), "table": table}, "the journal")
+        return {"revision": revision}
 
     def save(self, table: Mapping[str, Any], digest: str) -> dict[str, Any]:
         """Write what was edited to the files, of which only the changed lines change; return difference and digest.
@@ -173,42 +160,37 @@ class Session:
                         path.write_bytes(text.encode())
             self.journal.unlink(missing_ok=True)
             self._seen = _digest(new)
-        self.tell("saved", {"digest": _digest(new)})
+            self.tell("changed", {"digest": self._seen})
         return {"difference": _difference(texts, new), "digest": _digest(new)}
 
-    def command(self, what: str, name: str = "", runs: int = 0) -> dict[str, Any]:
-        """Start ``run`` or ``report``, or ``repeat`` for a design, or stop them; return what is told of it then.
+    def orders(self, given: Mapping[str, Any]) -> dict[str, Callable[[], Any]]:
+        """Return by name what a page can have done with what it has given; each raises an EvacError if it cannot be.
 
-        `what` may be ``stop`` for the run, and ``stop-runs`` for those of a design, whose `name` and number of `runs`
-        are given.
-
-        Raises
-        ------
-        EvacError
-            A plan file was opened, which is no case, or the result is being written.
+        Of a plan file, which is no case, nothing is run.
         """
-        if self.runner is None or self.designs is None:
-            raise ScenarioError(f"{self.file}: is a plan, not a case; open a case with it: `evac edit CASE`")
-        if what == "stop":
-            self.runner.stop()
-        elif what == "stop-runs":
-            self.designs.stop()
-        elif what == "repeat":
-            self.designs.start(name, runs)
-        else:
-            self.runner.begin(what)
-        self._tell_runs()
-        return self.told
+        found: dict[str, Callable[[], Any]] = {
+            "check": lambda: self.check(str(given["page"]), int(given["revision"]), dict(given["table"])),
+            "save": lambda: self.save(dict(given["table"]), str(given["digest"])),
+            "curve": lambda: _curve(given["value"]),
+            "picture": lambda: self.pictures.put(str(given["storey"]), given["picture"]),
+        }
+        runner, designs = self.runner, self.designs
+        if runner is None or designs is None:
+            return found
+        runs = {
+            "run": lambda: runner.begin("run"),
+            "report": lambda: runner.begin("report"),
+            "stop": runner.stop,
+            "repeat": lambda: designs.start(str(given["name"]), int(given["runs"])),
+            "stop-runs": designs.stop,
+        }
 
-    def compare(self, names: list[str]) -> dict[str, Any]:
-        """Return what designs differ in.
+        def told_after(start: Callable[[], None]) -> dict[str, Any]:
+            start()
+            self._tell_runs()
+            return self.told
 
-        Raises
-        ------
-        EvacError
-            There are no such designs, or they cannot be compared.
-        """
-        return {} if self.designs is None else self.designs.compared(names)
+        return found | {name: partial(told_after, start) for name, start in runs.items()}
 
     def _tell_runs(self) -> None:
         """Tell the pages what is new of the run and of those of designs."""
@@ -230,8 +212,7 @@ class Session:
                 runs.close()
         with self._lock:
             self._lock.notify()
-        if self._pool is not None:
-            self._pool.kill()
+        self._pool.kill()
 
     def _read(self) -> tuple[dict[Path, str], dict[str, Any]]:
         """Return the texts of the files, and what is edited of their content."""
@@ -281,26 +262,23 @@ class Session:
                     self._lock.wait()
                 if self.is_over.is_set():
                     return
-                request = self._waiting.pop(next(iter(self._waiting)))
-            self.tell("judged", {"page": request.page, "revision": request.revision} | self._judged(request))
+                page = next(iter(self._waiting))
+                revision, table = self._waiting.pop(page)
+            self.tell("judged", {"page": page, "revision": revision} | self._judged(table))
 
-    def _judged(self, request: Request, is_awaited: bool = True) -> dict[str, Any]:
+    def _judged(self, table: Mapping[str, Any]) -> dict[str, Any]:
         try:
-            self._pool = self._pool or Pool(1, is_quiet=True)
-            contents = self._contents(request.table)
-            plan = {key: value for key, value in request.table.items() if key != "case"}
+            contents = self._contents(table)
+            plan = {key: value for key, value in table.items() if key != "case"}
             case = None if self.case_file is None else contents[self.case_file]
             drawn = plan if self._floors is None else None
-            future = self._pool.submit(judge, self.file, self.case_file, drawn, case)
-            if not is_awaited:
-                return {}
-            found: dict[str, Any] = plain(future.result())
+            found: dict[str, Any] = plain(self._pool.submit(judge, self.file, self.case_file, drawn, case).result())
             texts, _ = self._read()
-            return found | {"difference": _difference(texts, self._patched(texts, request.table))}
+            return found | {"difference": _difference(texts, self._patched(texts, table))}
         except EvacError as error:
             return {"failed": str(error)}
         except BrokenExecutor:
-            self._pool = None
+            self._pool = Pool(1, is_quiet=True)
             return {"failed": "the process that judges the plan has died; the next change starts it again"}
         except Exception as error:
             return {
@@ -319,6 +297,12 @@ class Session:
                 if now != self._seen:
                     self._seen = now
                     self.tell("changed", {"digest": now})
+
+
+def _curve(value: Any) -> dict[str, Any]:
+    """Return what the page draws of a distribution: the values that `SHARES` of people do not exceed, and the mean."""
+    distribution = parse(value, "the distribution")
+    return {"values": distribution.quantiles(SHARES).tolist(), "mean": distribution.mean()}
 
 
 def _digest(texts: Mapping[Path, str]) -> str:

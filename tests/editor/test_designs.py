@@ -31,31 +31,26 @@ def test_designs_are_compared_as_by_evac_compare(house, session):
     assert list(shown) == ["A", "B", "C"]
     mean = evac.read_study("runs-A").statistics[0].mean
     assert shown["A"].startswith(f"mean {mean.value:.2f} s ({mean.low:.1f} to {mean.high:.1f})")
-    found, whole = session.compare(["A", "B"]), evac.compare("runs-A", "runs-B")
-    assert [row[:2] for row in found["differences"]] == [["B", one.measure] for one in whole.differences]
-    assert [row[3] for row in found["differences"]] == [one.after for one in whole.differences]
-    assert found["people"] == 40
-    assert [curve["mean"][-1] for curve in found["curves"]] == [25, 40]
+    assert session.designs.page(["A", "B"]).decode() == evac.compare("runs-A", "runs-B").page()
     with pytest.raises(ResultError, match="seed"):
-        session.compare(["A", "C"])
-    with pytest.raises(ResultError):
-        session.compare(["A", "../house"])
+        session.designs.page(["A", "C"])
+    assert session.designs.page(["A", "../house"]) is None
 
 
 def test_runs_are_made_and_found_by_another_session(house, session, eventually):
     for name, runs in (("../A", 1), ("A.running", 1), ("A", 0)):
         with pytest.raises(ScenarioError):
-            session.command("repeat", name, runs)
-    session.command("repeat", "A", 400)
+            session.designs.start(name, runs)
+    session.designs.start("A", 400)
     eventually(lambda: session.designs.state().get("making", "").startswith("A: 0 of 400"))
     with pytest.raises(ResultError):
-        session.command("repeat", "B", 1)
+        session.designs.start("B", 1)
     again = type(session.designs)(session.case_file, session.designs.folder)
     assert again.state()["making"] == session.designs.state()["making"]
     again.stop()
     again.close()
     eventually(lambda: "making" not in session.designs.state())
     assert session.designs.state() == {"designs": [], "failed": ""}
-    session.command("repeat", "A", 2)  # continues, with fewer runs
+    session.designs.start("A", 2)  # continues, with fewer runs
     eventually(lambda: "making" not in session.designs.state())
     assert session.designs.state()["designs"][0]["runs"] == "2 runs"

@@ -138,7 +138,7 @@ def test_the_size_stands_in_a_rectangle_that_is_dragged(page):
     page.browser.mouse("mousePressed", x1, y1, 1)
     page.browser.mouse("mouseMoved", x2, y2, 1)
     page.browser.settle()
-    assert "3.50 × 2.00 m" in page.run("editor.texts")
+    assert "3.50 \u00d7 2.00 m" in page.run("editor.texts")
     page.browser.mouse("mouseReleased", x2, y2)
 
 
@@ -181,3 +181,31 @@ def test_a_building_without_an_exit_offers_the_tool(page):
     assert "[[exits]]" not in page.text("#findings .error")
     page.run("document.querySelector('#findings .error').click()")
     assert page.run("editor.tools.tool") == "exit"
+
+
+def test_a_stair_is_drawn_piece_by_piece(page):
+    page.run("editor.act.copyUp(1)")
+    page.keys("g")
+    page.drag((11, 1), (12.5, 3.5))
+    page.keys("l")
+    page.click((8, 1), (8, 2.2), (11, 1), (11, 2.2))
+    page.click((11, 2.2), (11, 3.5), (8, 2.2), (8, 3.5))
+    plan = page.plan
+    assert [(row["lower_z"], row["upper_z"]) for row in plan["flights"]] == [(0, 1.5), (1.5, 3)]
+    assert {row["stair"] for row in [*plan["flights"], *plan["landings"]]} == {"stair A"}
+    page.judged()
+    kinds = page.run("editor.view.judged.levels.map(({ kind }) => kind)")
+    assert sorted(kinds).count("flight") == 2
+    assert "error" not in page.run("editor.view.findings.map(({ kind, item }) => item === 'exits' ? '' : kind)")
+    page.keys("Escape")
+    page.keys("v")
+    page.click((9.5, 1.6))
+    assert page.text("#inspector h2") == "Flight stair A"
+    page.type("To height", "1.4")
+    assert page.plan["flights"][0]["upper_z"] == 1.4
+    page.drag((9.5, 1.6), (9.5, 2.1))
+    assert page.plan["flights"][0]["lower_edge"] == [[8, 1.5], [8, 2.7]]
+    page.keys("Delete")
+    assert len(page.plan["flights"]) == 1
+    page.run("while (editor.store.past.length) editor.store.undo()")
+    assert "flights" not in page.plan

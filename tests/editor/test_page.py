@@ -247,12 +247,9 @@ def test_designs_are_made_and_compared(page, monkeypatch):
     page.press("make-button")
     page.browser.wait("document.querySelectorAll('#designs li').length === 2", 120)
     assert evac.read_study(str(designs.folder) + "-B").building().doors[0].width == pytest.approx(0.7)
-    page.press("compare")
-    page.browser.wait("document.getElementById('compared').open")
-    rows = [one.split("\t")[:2] for one in page.text("#differences").splitlines()[1:]]
-    assert next(row for row in rows if len(row) > 1) == ["B", "evacuation time"]
-    assert page.run("document.querySelectorAll('#curves .band').length") == 2
-    page.run("document.getElementById('compared').close()")
+    assert page.text("#compare") == "A and B beside each other"
+    shown = page.run("fetch(document.getElementById('compare').href).then((answer) => answer.text())")
+    assert shown == evac.compare(f"{designs.folder}-A", f"{designs.folder}-B").page()
 
 
 def test_groups_events_and_behaviours_are_changed_in_the_case(page):
@@ -293,7 +290,7 @@ def test_phases_and_limits_are_changed_in_the_case(page):
     assert case["phase"] == [{"name": "phase", "of": ["first"], "delay": 30}]
     assert case["compartment"] == [{"name": "compartment", "of": ["ground"], "available": 120}]
     assert case["safety"] == {"available": 90}
-    assert case["simulation"] == {"duration": 300.0, "seed": 7}
+    assert case["simulation"] == {"duration": 3600.0, "seed": 7}
 
 
 def test_a_distribution_has_its_numbers_and_its_curve(page):
@@ -351,14 +348,14 @@ def test_people_of_a_run_are_on_their_storey(page, monkeypatch):
 
 def test_floor_that_cannot_be_left_is_hatched(page):
     error = np.array([0xB3, 0x26, 0x1E])
-    assert np.abs(page.colour(12, 2) - error).sum(axis=1).min() > 100
+    assert np.abs(page.colour(12, 2) - error).sum(axis=1).min() > 300
     page.click((14, 6.5))
     page.keys("Delete")
     page.click((8.1, 2.5))
     page.keys("Delete")
     page.judged()
     assert "no exit can be reached from 'ground" in page.text("#findings")
-    assert np.abs(page.colour(12, 2) - error).sum(axis=1).min() < 60
+    assert np.abs(page.colour(12, 2) - error).sum(axis=1).min() < 150
 
 
 def test_every_tool_draws(page):

@@ -9,7 +9,7 @@ import pytest
 
 from evac.cli.main import main
 from evac.editor import Session
-from evac.editor.session import ChangedOnDiskError, Request
+from evac.editor.session import ChangedOnDiskError
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def opened():
 def judged(session, table, revision=1):
     told = queue.Queue()
     session.listeners.append(told)
-    session.check(Request("page", revision, table))
+    session.check("page", revision, table)
     while True:
         event, data = told.get(timeout=120)
         if event == "judged" and data["revision"] == revision:
@@ -75,7 +75,7 @@ def test_a_file_that_has_changed_is_not_overwritten(house, opened):
 def test_what_is_not_saved_is_found_again(house, opened):
     session = opened(house)
     table = changed(session.document(), 1.4)
-    session.check(Request("page", 1, table))
+    session.check("page", 1, table)
     session.close()
     again = opened(house)
     assert again.document()["unsaved"] == {"table": table, "of_this_file": True}
@@ -87,9 +87,9 @@ def test_what_is_not_saved_is_found_again(house, opened):
 def test_going_back_to_the_file_clears_the_journal(house, opened):
     session = opened(house)
     table = session.document()["table"]
-    session.check(Request("page", 1, changed(session.document(), 1.4)))
+    session.check("page", 1, changed(session.document(), 1.4))
     assert session.journal.exists()
-    session.check(Request("page", 2, table))
+    session.check("page", 2, table)
     assert not session.journal.exists()
 
 

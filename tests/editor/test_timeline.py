@@ -52,7 +52,8 @@ def middle(page, words):
     return page.run(
         f"""(() => {{ const all = [...document.querySelectorAll("#timeline button")];
             const box = all.find((one) => one.textContent.startsWith({words!r})).getBoundingClientRect();
-            return [box.x + box.width / 2, box.y + box.height / 2, document.getElementById("timeline").clientWidth]; }})()"""
+            const {{ clientWidth }} = document.getElementById("timeline");
+            return [box.x + box.width / 2, box.y + box.height / 2, clientWidth]; }})()"""
     )
 
 

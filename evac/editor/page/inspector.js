@@ -9,6 +9,8 @@ const FIELDS = {
   storeys: { z: ["Height [m]", NUMBER], wall: ["Walls [m]", NUMBER], like: ["Like storey", STOREY] },
   shafts: { lower: ["From storey", STOREY], upper: ["To storey", STOREY], width: ["Width [m]", NUMBER], rise: ["Rise [m]", NUMBER], going: ["Going [m]", NUMBER], length: ["Length [m]", NUMBER], turn: ["Turn", BENT], gap: ["Gap [m]", NUMBER], landing: ["Landing [m]", NUMBER], landings: ["Landings", NUMBER] },
   stairs: { lower: ["From storey", STOREY], upper: ["To storey", STOREY], length: ["Length [m]", NUMBER], turn: ["Turn", BENT], gap: ["Gap [m]", NUMBER], landing: ["Landing [m]", NUMBER], landings: ["Landings", NUMBER] },
+  flights: { stair: ["Stair", TEXT], lower_z: ["From height [m]", NUMBER], upper_z: ["To height [m]", NUMBER] },
+  landings: { stair: ["Stair", TEXT], z: ["Height [m]", NUMBER] },
   doors: { outside: ["With no room behind", ["", "refuse", "exit", "opening"]] },
   areas: {}, obstacles: {}, exits: {}, openings: {},
 };
@@ -48,14 +50,14 @@ class Inspector {
     if (!row) return box.replaceChildren(node("h2", "Nothing is selected"));
     if (!selected && document.body.classList.contains("fixed")) return box.replaceChildren(node("h2", `Storey ${row.name}`), node("p", "This building is no plan: it is shown, and cannot be drawn on here"));
     const { section } = ref, isGround = ref.part !== undefined, what = selected ? singular(section) : "storey", commit = (next) => this.store.commit(next);
-    const set = (key) => (value) => commit(this.table.put(ref, key, value)), isOfCase = [...CASE, "case"].includes(section), isNamed = !isGround && !["behaviours", "case"].includes(section), parts = [node("h2", heading(what, row.name ?? (isNamed ? "" : ref.index ?? "")))];
+    const set = (key) => (value) => commit(this.table.put(ref, key, value)), isOfCase = [...CASE, "case"].includes(section), isNamed = !isGround && !["behaviours", "case", ...PIECES].includes(section), parts = [node("h2", heading(what, row.name ?? row.stair ?? (isNamed ? "" : ref.index ?? "")))];
     if (isNamed) parts.push(this.field("Name", row.name, TEXT, (name) => { if (name && name !== row.name) { if (what === "storey") this.act.renamed(name); commit(this.table.rename(ref, name)); } }));
     if (isOfCase) parts.push(...this.forms.fieldsOf(ref, row));
     if (section === "rooms") parts.push(...this.use(ref, row));
     if (!isOfCase && !isGround) for (const [key, [label, kind]] of Object.entries(FIELDS[section])) parts.push(this.field(label, row[key], kind, set(key)));
     if (what !== "storey" && !isOfCase) parts.push(...this.sizes(ref, row));
     const actions = node("div", "", { className: "actions" });
-    if (selected && isNamed) actions.append(this.button("Duplicate", "Ctrl+D", this.act.duplicate));
+    if (selected && !isGround && !["behaviours", "case"].includes(section)) actions.append(this.button("Duplicate", "Ctrl+D", this.act.duplicate));
     if (section === "openings") actions.append(this.button("Make it an exit", "", () => { commit(this.table.remove(ref).add("exits", row)); this.act.select({ section: "exits", index: this.table.rows("exits").length - 1 }); }));
     if (selected || this.table.storeys.length > 1) actions.append(this.button("Delete", "Delete", this.act.remove));
     refill(box, [...parts, actions]);

@@ -3,7 +3,7 @@
 const PAGE = Array.from(crypto.getRandomValues(new Uint32Array(2)), (word) => word.toString(36)).join("");  // Of several that are open.
 const UNDRAWN = ["select", "measure"];  // Tools that change no building.
 const KEYS = [
-  ["V, R, W, D, E, S, A, O, M, P", "tools: select, room, wall, door, exit, stair, area, obstacle, measure, picture"],
+  ["V, R, W, D, E, S, L, G, A, O, M, P", "tools: select, room, wall, door, exit, stair, flight, landing, area, obstacle, measure, picture"],
   ["Click, Enter", "with a tool: the next point; at the first one again, the outline ends"],
   ["Arrows, with Shift 1 m", "move what is selected, or the cross with which one draws, by 0.1 m"],
   ["Digits", "while drawing: a length, or 6x4 a rectangle, then Enter"],
@@ -127,15 +127,15 @@ async function start() {
       const ref = all[(now + by + all.length) % all.length], row = store.now.row(ref), at = view.lineOf(ref, row)?.[0] ?? store.now.rings(ref)[0]?.[0];
       act.select(ref);
       if (at) view.reveal(at);
-      act.say(heading(singular(ref.section), row.name ?? ""));
+      act.say(heading(singular(ref.section), row.name ?? row.stair ?? ""));
     },
 
     nextPart() {
-      const { corner, side, ...ref } = view.selected ?? {}, rings = ref.section ? store.now.rings(ref) : [];
+      const { corner, side, ...ref } = view.selected ?? {}, rings = ref.section ? store.now.outlines(ref) : [];
       const parts = rings.flatMap((ring) => sidesOf2(ring).flatMap((one) => [{ corner: one[0] }, { side: one }]));
       const now = parts.findIndex((part) => corner ? part.corner && keyOf(part.corner) === keyOf(corner) : side && part.side && keyOf(part.side[0]) === keyOf(side[0]));
       const part = parts[(now + 1) % parts.length];
-      if (![...POLYGONS, "storeys"].includes(ref.section)) return;
+      if (![...POLYGONS, ...PIECES, "storeys"].includes(ref.section)) return;
       act.select({ ...ref, ...part });
       act.say(part.corner ? `Corner ${part.corner.join(", ")}` : `Wall of ${length(minus(part.side[1], part.side[0])).toFixed(2)} m`);
     },
@@ -238,7 +238,7 @@ async function start() {
   // Gives findings the thing that they are about, and a place.
   function locate() {
     for (const one of view.findings) {
-      const [section, ...rest] = (one.item ?? "").split("."), name = rest.join("."), index = store.now.rows(section).findIndex((row) => row.name === name);
+      const [section, ...rest] = (one.item ?? "").split("."), name = rest.join("."), all = [store.now.rows(section)].flat(), index = all.findIndex((row, k) => (row.name ?? String(k)) === name);
       const ref = index < 0 ? null : { section, index }, row = ref && store.now.row(ref), line = ref && (view.lineOf(ref, row) ?? store.now.rings(ref)[0]);
       one.ref = section === "storeys" ? null : ref;
       if (!store.now.storey(one.storey)) one.storey = row?.storey ?? row?.lower ?? (section === "storeys" ? row?.name : one.storey);
@@ -282,8 +282,7 @@ async function start() {
     on("judged", showJudged);
     on("run", (state) => running.show(state));
     on("designs", (state) => designs?.show(state));
-    on("saved", ({ digest: now }) => { onDisk = now; if (!isSaving && now !== digest) warnOfFile(); });  // By another page.
-    on("changed", ({ digest: now }) => { if (now !== digest) { onDisk = now; warnOfFile(); } });
+    on("changed", ({ digest: now }) => { if (!isSaving && now !== digest) { onDisk = now; warnOfFile(); } });
     events.addEventListener("error", () => { act.say("evac edit does not answer"); isLost = true; isAsked = false; });
     events.addEventListener("open", () => { if (isLost) act.say(""); isLost = isAsked = false; check(); });
   }

@@ -73,8 +73,7 @@ class PlanView {
 
   // The judged levels of the storey: its floors, and the stairs that begin on it.
   levels() {
-    const z = this.table.storey(this.storey)?.z ?? 0, top = this.table.above(this.storey)?.z ?? Infinity;
-    return (this.judged?.levels ?? []).filter((level) => level.storey === this.storey || (level.storey === null && level.z[0] > z - 0.05 && level.z[0] < top - 0.05));
+    return (this.judged?.levels ?? []).filter(({ storey }) => storey === this.storey);
   }
 
   // The ends of a door, an exit or the foot of a stair; of one that is tied to rooms of other storeys as it was judged.
@@ -104,7 +103,7 @@ class PlanView {
     const stair = this.levels().find(({ stair, polygons }) => stair && polygons.some(([ring]) => isInside(point, ring)))?.stair;
     const shaft = refs.find((ref) => STAIRS.includes(ref.section) && stair && stair.startsWith(this.table.row(ref).name));
     if (shaft) return { ref: shaft };
-    const outlines = refs.filter(({ section }) => [...POLYGONS, "storeys"].includes(section)).flatMap((ref) => this.table.rings(ref).map((ring) => ({ ref, ring, size: Math.abs(areaOf(ring)) })));
+    const outlines = refs.filter(({ section }) => [...POLYGONS, ...PIECES, "storeys"].includes(section)).flatMap((ref) => this.table.outlines(ref).map((ring) => ({ ref, ring, size: Math.abs(areaOf(ring)) })));
     const isChosen = ({ ref }) => this.selected && ref.section === this.selected.section && ref.index === this.selected.index;
     outlines.sort((a, b) => isChosen(b) - isChosen(a) || a.size - b.size);
     for (const { ref, ring } of outlines) {
@@ -232,8 +231,8 @@ class PlanView {
     const { pen, look, zoom, table, selected } = this;
     const isSelected = (ref) => selected && ref.section === selected.section && ref.index === selected.index && ref.part === selected.part;
     const rows = [...this.table.originals(this.storey).flatMap((name) => table.on(name).filter(({ section }) => ["areas", "obstacles"].includes(section))), ...table.on(this.storey)];
-    for (const ref of rows.filter(({ section }) => [...POLYGONS, "storeys"].includes(section))) {
-      this.path(table.rings(ref));
+    for (const ref of rows.filter(({ section }) => [...POLYGONS, ...PIECES, "storeys"].includes(section))) {
+      this.path(table.outlines(ref));
       if (ref.section === "obstacles") { pen.fillStyle = look.desk; pen.fill("evenodd"); }
       if (isSelected(ref)) { pen.save(); pen.globalAlpha = 0.13; pen.fillStyle = look.accent; pen.fill("evenodd"); pen.restore(); }
       pen.setLineDash(ref.section === "areas" ? [6 / zoom, 4 / zoom] : []);

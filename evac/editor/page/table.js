@@ -3,7 +3,8 @@
 const POLYGONS = ["rooms", "areas", "obstacles"];
 const ON_WALLS = ["doors", "exits", "openings"];
 const STAIRS = ["shafts", "stairs"];
-const DRAWN = [...ON_WALLS, ...STAIRS, ...POLYGONS];
+const PIECES = ["flights", "landings"];  // Of stairs that are drawn piece by piece.
+const DRAWN = [...ON_WALLS, ...STAIRS, ...PIECES, ...POLYGONS];
 const SHAPES = ["polygon", "polygons", "segment", "lower_edge", "upper_edge"];
 const CASE = ["people", "event", "phase", "compartment", "behaviours"];  // Of the case, which is beside the plan as `case`.
 const NAMED = { storeys: "level", areas: "area" };  // Keys of groups with names of the plan.
@@ -13,7 +14,7 @@ const WALL = 0.35;  // Two faces of rooms that are no farther apart are those of
 const mm = (value) => Math.round(value * 1000) / 1000;
 const isTie = (shape) => Boolean(shape?.rooms);
 const isRing = (shape) => Array.isArray(shape) && shape.length > 1 && shape.every((one) => Array.isArray(one) && one.length > 1 && one.every((value) => typeof value === "number"));
-const plus = ([x, y], [dx, dy]) => [mm(x + dx), mm(y + dy)];
+const plus = ([x, y, ...rest], [dx, dy]) => [mm(x + dx), mm(y + dy), ...rest];
 const minus = ([x1, y1], [x2, y2]) => [x1 - x2, y1 - y2];
 const length = ([x, y]) => Math.hypot(x, y);
 const letters = (n) => (n > 26 ? letters(Math.floor((n - 1) / 26)) : "") + String.fromCharCode(65 + (n - 1) % 26);
@@ -108,6 +109,8 @@ function partOf([a, b], { at, width }) {
   return [centre - half, centre + half].map((along) => a.map((value, i) => mm(value + along * step[i])));
 }
 
+const stated = (content) => Object.fromEntries(Object.entries(content).filter(([, value]) => value !== undefined));
+
 class Table {
   constructor(content) { Object.assign(this, { content, found: new Map() }); }
 
@@ -137,7 +140,29 @@ class Table {
     const index = this.rows("storeys").findIndex((one) => one.name === name);
     const ground = index < 0 ? [] : ringsOf(this.rows("storeys")[index]).map((_, part) => ({ section: "storeys", index, part }));
     return [...DRAWN.flatMap((section) => this.rows(section).map((row, at) => ({ section, index: at, row }))
-      .filter(({ row }) => row.storey === name || row.lower === name).map(({ row, ...ref }) => ref)), ...ground];
+      .filter(({ row }) => this.isOn(row, section, name)).map(({ row, ...ref }) => ref)), ...ground];
+  }
+
+  // Whether something is drawn on a storey: pieces of stairs on the highest one that is not above them.
+  isOn(row, section, name) {
+    if (!PIECES.includes(section)) return [row.storey, row.lower].includes(name);
+    const z = row.lower_z ?? row.z ?? Math.min(...ringsOf(row).flat().map((corner) => corner[2] ?? 0));
+    return (this.storeys.findLast((one) => (one.z ?? 0) < z + 0.05) ?? this.storeys[0])?.name === name;
+  }
+
+  // The closed outlines of something: its rings, and of a flight between two edges what is between them.
+  outlines(ref) {
+    const rings = this.rings(ref), [[a, b], [c, d] = []] = [rings[0] ?? [], rings[1]];
+    if (ref.section !== "flights" || rings.length !== 2) return rings;
+    const [x, y] = minus(b, a), [dx, dy] = minus(d, c);
+    return [x * dx + y * dy > 0 ? [a, b, d, c] : [a, b, c, d]];
+  }
+
+  // Flights and landings that begin, end or are at a line, which is within it or contains it: their stairs and heights.
+  joinedAt(line) {
+    const has = (ring) => ring && (line.every((end) => isOn(end, ring)) || ring.filter((end) => isOn(end, line)).length > 1);
+    const found = [...this.rows("flights").flatMap(({ stair, lower_edge, lower_z, upper_edge, upper_z }) => [[lower_edge, lower_z], [upper_edge, upper_z]].map(([ring, z]) => ({ stair, ring, z }))), ...this.rows("landings").flatMap((row) => ringsOf(row).map((ring) => ({ stair: row.stair, ring, z: row.z })))];
+    return found.find(({ ring, z }) => Number.isFinite(z) && has(ring));
   }
 
   rings(ref) { const rings = ringsOf(this.row(ref) ?? {}); return ref.part === undefined ? rings : rings.slice(ref.part, ref.part + 1); }
@@ -173,10 +198,11 @@ class Table {
     return at - width / 2 < 0 || at + width / 2 > whole ? ends : { ...tie, at, width };
   }
 
+  // With other rows of sections; one without rows is not in the file.
   with(changes) {
-    const all = Object.entries(changes), of = (isOfCase) => Object.fromEntries(all.filter(([section]) => CASE.includes(section) === isOfCase));
-    const content = { ...this.content, ...of(false) };
-    if (content.case) content.case = { ...content.case, ...of(true) };
+    const all = Object.entries(changes).map(([section, rows]) => [section, Array.isArray(rows) && !rows.length ? undefined : rows]), of = (isOfCase) => Object.fromEntries(all.filter(([section]) => CASE.includes(section) === isOfCase));
+    const content = stated({ ...this.content, ...of(false) });
+    if (content.case) content.case = stated({ ...content.case, ...of(true) });
     return new Table(content);
   }
 
@@ -202,9 +228,9 @@ class Table {
 
   // A name that no other row has: with a number, or of a shaft, whose stairs are numbered, with a letter.
   unique(section, name) {
-    const isStair = STAIRS.includes(section), taken = new Set((isStair ? STAIRS : [section]).flatMap((one) => this.rows(one).map((row) => row.name)));
+    const stairs = [...STAIRS, ...PIECES], taken = new Set((stairs.includes(section) ? stairs : [section]).flatMap((one) => this.rows(one).map((row) => row.name ?? row.stair)));
     if (!taken.has(name)) return name;
-    const isShaft = section === "shafts", stem = name.replace(isShaft ? / [A-Z]+$/ : / \d+$/, "");
+    const isShaft = stairs.includes(section) && section !== "stairs", stem = name.replace(isShaft ? / [A-Z]+$/ : / \d+$/, "");
     for (let n = 2; ; n++) if (!taken.has(`${stem} ${isShaft ? letters(n) : n}`)) return `${stem} ${isShaft ? letters(n) : n}`;
   }
 
@@ -246,7 +272,7 @@ class Table {
   duplicate(ref) {
     const row = this.row(ref), copy = { ...moved(row, (corner) => plus(corner, [1, 1])) };
     if (isTie(row.segment) && row.segment.at !== undefined) copy.segment = { ...row.segment, at: mm(row.segment.at + 1) };
-    return this.add(ref.section, { ...copy, name: this.unique(ref.section, row.name) });
+    return this.add(ref.section, row.name === undefined ? copy : { ...copy, name: this.unique(ref.section, row.name) });
   }
 
   // A storey above all others, after the topmost one in the order of the file, which shafts follow up or down.
@@ -279,7 +305,7 @@ class Table {
   // All corners of a storey that are at one place are moved.
   moveCorners(name, keys, by) {
     const move = (corner) => keys.has(keyOf(corner)) ? plus(corner, by) : corner;
-    return this.mapRows((row, section) => row.storey === name || (section === "storeys" && row.name === name) ? moved(row, move) : row, ["storeys", ...POLYGONS]);
+    return this.mapRows((row, section) => (section === "storeys" ? row.name === name : this.isOn(row, section, name)) ? moved(row, move) : row, ["storeys", ...PIECES, ...POLYGONS]);
   }
 
   // A wall is moved with both of its faces, and with the doors and exits on it.

@@ -11,12 +11,14 @@ const TOOLS = {
   door: { key: "d", points: 1, section: "doors", hint: "Click on a wall between two rooms, or drag along it" },
   exit: { key: "e", points: 1, section: "exits", hint: "Click on an outer wall, or drag along it" },
   stair: { key: "s", points: 2, section: "shafts", hint: "Click on the middle of the lowest step, then on where it leads; it turns where a straight one does not fit" },
+  flight: { key: "l", points: 4, section: "flights", hint: "For other stairs: click on both ends of the lower edge of a flight, then of the upper one; heights are those of what they join" },
+  landing: { key: "g", points: Infinity, section: "landings", hint: "Drag a rectangle, or click corner after corner; its height is that of the flight that ends there" },
   area: { key: "a", points: Infinity, section: "areas", hint: "Drag a rectangle, or click corner after corner; people start in areas" },
   obstacle: { key: "o", points: Infinity, section: "obstacles", hint: "Drag a rectangle, or click corner after corner; it is cut out of the floor" },
   measure: { key: "m", points: 2, hint: "Click on both ends" },
   picture: { key: "p", points: 2, hint: "Drag the picture where it belongs; click on two points of it, then type the length between them" },
 };
-const singular = (section) => ({ rooms: "room", storeys: "ground", shafts: "stair", stairs: "stair", areas: "area", obstacles: "obstacle", doors: "door", exits: "exit", openings: "opening", people: "group", event: "event", phase: "phase", compartment: "compartment", behaviours: "behaviour", case: "table" })[section];
+const singular = (section) => ({ rooms: "room", storeys: "ground", shafts: "stair", stairs: "stair", flights: "flight", landings: "landing", areas: "area", obstacles: "obstacle", doors: "door", exits: "exit", openings: "opening", people: "group", event: "event", phase: "phase", compartment: "compartment", behaviours: "behaviour", case: "table" })[section];
 // A name that begins with the kind says the kind already: "Door 2", not "Door door 2".
 const heading = (what, name) => `${name} `.startsWith(`${what} `) ? capital(name) : `${capital(what)} ${name}`;
 const rectangle = ([x1, y1], [x2, y2]) => [[Math.min(x1, x2), Math.min(y1, y2)], [Math.max(x1, x2), Math.min(y1, y2)], [Math.max(x1, x2), Math.max(y1, y2)], [Math.min(x1, x2), Math.max(y1, y2)]];
@@ -198,17 +200,26 @@ class Tools {
       const { row, kind, isFit } = this.stairOf(points);
       [rows, told] = [[row], `: ${kind}${isFit ? "" : ", which does not fit here"}`];
     }
-    else if (Math.abs(areaOf(rows[0].polygon)) < 0.01) return this.act.say("This is too small");
+    else if (PIECES.includes(section)) rows = [this.pieceOf(points)];
+    if (rows[0]?.polygon && Math.abs(areaOf(rows[0].polygon)) < 0.01) return this.act.say("This is too small");
     if (!rows.length) return this.act.say("No wall is here");
     let next = table;
     for (const row of rows) {
       if (row.polygon && areaOf(row.polygon) < 0) row.polygon.reverse();
-      next = next.add(section, { name: next.unique(section, tool === "stair" ? "stair A" : tool), ...row });
+      next = next.add(section, PIECES.includes(section) ? row : { name: next.unique(section, tool === "stair" ? "stair A" : tool), ...row });
     }
-    const names = next.rows(section).slice(-rows.length).map(({ name }) => name);
+    const names = next.rows(section).slice(-rows.length).map(({ name, stair }) => name ?? `${tool} of ${stair}`);
     this.store.commit(next);
     this.act.select({ section, index: next.rows(section).length - 1 });
     this.act.say(names.length > 1 ? `${capital(names.join(", "))} added: one for each room` : `${capital(names[0])} added${told}`);
+  }
+
+  // A flight between two edges, or a landing: of the stair that it joins, at the height of that.
+  pieceOf(points) {
+    const { table, storey } = this, z = table.storey(storey).z ?? 0, height = table.heightOf(storey), isFlight = this.tool === "flight", lines = isFlight ? [points.slice(0, 2), points.slice(2)] : sidesOf2(points);
+    const joined = lines.map((line) => table.joinedAt(line)), [lower, upper] = joined, any = joined.find(Boolean), stair = any?.stair ?? table.unique("flights", "stair A");
+    if (!isFlight) return { stair, polygon: points, z: any?.z ?? mm(z + height / 2) };
+    return { stair, lower_edge: lines[0], lower_z: lower?.z ?? z, upper_edge: lines[1], upper_z: upper?.z ?? mm(z + height) };
   }
 
   // The lines of doors or exits at a point of a wall, or along it from one point to another.
