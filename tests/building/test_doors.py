@@ -5,6 +5,7 @@ from shapely import box
 
 from evac import BuildingError, Plan
 from evac.building.geometry import united
+from evac.building.plan.outlines import doorway
 
 
 def two_rooms(segment, **options):
@@ -115,6 +116,27 @@ def test_a_door_meets_only_the_rooms_near_it(monkeypatch):
     assert building.levels[0].polygon.area == pytest.approx(64 * 12.0 + added, abs=1e-6)
     assert len(building.doors) == 63
     assert sum(number > 20 for number in met) == 2  # all rooms, and all rooms with all doors
+
+
+def test_only_doors_whose_ground_meets_are_opened_one_after_the_other(monkeypatch):
+    """Of four rooms around a corner, each has a door to the next one; a fifth door overlaps the first."""
+    met = []
+
+    def found(floor, ends, reach):
+        met.append(ends.tolist())
+        return doorway(floor, ends, reach)
+
+    monkeypatch.setattr("evac.building.plan.drawing.doorway", found)
+    plan = Plan()
+    plan.storey("a", [box(x, y, x + 3.9, y + 3.9) for x in (0, 4) for y in (0, 4)])
+    for name, (x, y) in {"south": (3.95, 2), "north": (3.95, 6), "again": (3.95, 2.5)}.items():
+        plan.door(name, "a", [(x, y - 0.45), (x, y + 0.45)])
+    for name, (x, y) in {"west": (2, 3.95), "east": (6, 3.95)}.items():
+        plan.door(name, "a", [(x - 0.45, y), (x + 0.45, y)])
+    building = plan.building(need_exit=False)
+    assert met == [[[3.95, 2.05], [3.95, 2.95]]]
+    assert len(building.levels) == 1
+    assert building.levels[0].polygon.area == pytest.approx(4 * 3.9**2 + (3 * 0.9 + 1.4) * 0.1)
 
 
 def test_an_exit_that_a_wall_makes_narrower_is_told():
