@@ -69,7 +69,7 @@ class Rooms:
     doors: FloatArray  # (d, 4) float64 [m]: known doors with floor on both sides
     openings: FloatArray  # (o, 4) float64 [m]: openings with floor on one side only
     outer: FloatArray  # (e, 4) float64 [m]: known doors with floor on one side only
-    loose: list[BaseGeometry]  # list of LineString [m]: walls outside the rooms that enclose nothing
+    loose: list[BaseGeometry]  # list of LineString [m]: lines that enclose nothing, apart from the walls of the rooms
     left_out: list[BaseGeometry]  # list of polygon [m]: enclosed faces that are neither rooms nor the interior of walls
 
 
@@ -134,7 +134,7 @@ def rooms_of(
     rooms = _floor_of(closed, np.concatenate([ways, mouths]), body)
     strips = [_hull(pair) for _, pair in found if len(pair) == 2 and _with_floor(_as_lines(pair), rooms).any()]
     floor = shapely.union_all([rooms, *strips], grid_size=GRID)
-    outside = [one for one in drawn.loose if not floor.intersects(one.interpolate(0.5, normalized=True))]
+    outside = [one for one in drawn.loose if not floor.dwithin(one.interpolate(0.5, normalized=True), THICKEST_WALL)]
     shared = shapely.union_all(walls[_with_floor(walls, floor).all(axis=1)])
     if not shared.is_empty:
         thick = shapely.line_merge(shared).buffer(wall / 2, cap_style="flat", join_style="mitre")
