@@ -64,6 +64,12 @@ def test_events_and_phases_are_at_their_times_after_their_cues(page):
     assert at["close main"] == 1  # at the end: nobody knows when
 
 
+def test_a_new_phase_is_of_the_storey_that_is_shown(page):
+    page.run("editor.act.goTo('first')")
+    page.press("add-phase")
+    assert page.plan["case"]["phase"][-1]["of"] == ["first"]
+
+
 def test_a_mark_is_dragged_to_another_time(page):
     end = 30 / times(page)["alarm"]
     x, y, wide = middle(page, "alarm")

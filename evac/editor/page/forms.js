@@ -20,7 +20,7 @@ class Forms {
   get table() { return this.store.now; }
 
   add(section) {
-    const storey = this.table.storeys[0]?.name, name = this.table.unique(section, section);
+    const storey = this.act.storey(), name = this.table.unique(section, section);
     const row = { people: { name, level: storey, number: 10 }, event: { name, time: 0, kind: "close", target: this.table.rows("exits")[0]?.name ?? "" }, phase: { name, of: [storey], delay: 60 }, compartment: { name, of: [storey], available: 120 } }[section];
     this.store.commit(this.table.add(section, row));
     this.act.select({ section, index: this.table.rows(section).length - 1 });

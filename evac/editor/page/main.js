@@ -46,6 +46,7 @@ async function start() {
 
   const act = {
     selected: () => view.selected,
+    storey: () => view.storey,
     say(text) { by("told").textContent = text; },
 
     select(ref) {

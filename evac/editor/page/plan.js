@@ -327,8 +327,8 @@ class PlanView {
       if (line && zoom > 8) this.nameLine(ref.section, row.name ?? "", line);
       const [ring] = table.rings(ref);
       if (POLYGONS.includes(ref.section) && ring && Math.sqrt(Math.abs(areaOf(ring))) * zoom > 45) {
-        const at = [0, 1].map((i) => centre(range(ring, (corner) => corner[i])));
-        this.text(row.name ?? "", at, ref.section === "rooms" ? look.text : look.soft, [0, ref.section === "rooms" ? -8 : 8], ref.section === "rooms" ? 600 : 400);
+        const [x, y] = [0, 1].map((i) => range(ring, (corner) => corner[i])), isArea = ref.section === "areas";  // Whose names are at their upper edge.
+        this.text(row.name ?? "", [centre(x), isArea ? y[1] : centre(y)], ref.section === "rooms" ? look.text : look.soft, [0, isArea ? 12 : ref.section === "rooms" ? -8 : 0], ref.section === "rooms" ? 600 : 400);
       }
     }
     if (zoom > 8) for (const { section, name, ends } of this.others()) this.nameLine(section, name, ends);
