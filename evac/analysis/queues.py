@@ -1,5 +1,6 @@
 """Queues by what causes them: the exit, door, stair or person beyond which people walk on, or thick smoke."""
 
+import math
 from collections.abc import Iterable, Iterator
 from copy import copy
 from dataclasses import dataclass, field
@@ -14,7 +15,7 @@ from evac.analysis.measures import Records, joined, records
 from evac.base.arrays import FloatArray
 from evac.base.errors import counted
 from evac.building.model.building import Building
-from evac.conditions.law import SMOKE
+from evac.conditions.law import SMOKE, SPEED, WAITING_SPEED
 from evac.trajectory.trajectory import Trajectory
 
 #: How long people are watched after a passage, and the spans for which it is asked whether they wait there [s].
@@ -45,7 +46,7 @@ class Queue:
     ----------
     kind : str
         ``"exit"``, ``"door"``, ``"stair"``, ``"shaft"`` of several stairs, ``"portal"`` between floors, ``"level"``
-        without any of these, or ``"smoke"`` on a level.
+        without any of these, or ``"smoke"`` on a level, which may be irritants.
     name : str
     level : str
         Level of its head at `time`.
@@ -140,9 +141,8 @@ def find_queues(trajectory: Trajectory, flows: Iterable[LineFlow], slow_from: fl
         still = standing.add(part)
         rows = part.chosen(part.waits > 0.0)
         line, passes = ways.causes(rows)
-        if slow_from is not None:
-            in_smoke = _extinction(trajectory, rows) >= slow_from
-            line[in_smoke] = len(ways.lines) + len(trajectory.building.levels) + rows.level[in_smoke]
+        in_smoke = _are_slow(trajectory, rows, math.inf if slow_from is None else slow_from)
+        line[in_smoke] = len(ways.lines) + len(trajectory.building.levels) + rows.level[in_smoke]
         cause, away = number[line], ways.distances(rows, line)
         for k in np.unique(cause).tolist():
             own = np.flatnonzero(cause == k)
@@ -168,15 +168,16 @@ def _whole_spans(trajectory: Trajectory, ways: "_Ways") -> Iterator[Records]:
         yield joined(kept)
 
 
-def _extinction(trajectory: Trajectory, rows: Records) -> FloatArray:
-    """Return the extinction coefficient (s,) at people's heads as it was recorded [1/m]; 0 if it was not."""
-    extinction = np.zeros(len(rows.frame))
+def _are_slow(trajectory: Trajectory, rows: Records, slow_from: float) -> NDArray[np.bool_]:
+    """Return whether people (s,) are where the smoke or irritants that were recorded alone make them slow."""
+    slow = np.zeros(len(rows.frame), np.bool_)
     for number, field_of in enumerate(trajectory.level_fields):
-        for frame in np.unique(rows.frame).tolist() if field_of.name == SMOKE else ():
-            smoke, own = copy(field_of), rows.frame == frame
-            smoke.values = trajectory.rows[frame].fields[number]
-            extinction[own] = smoke.at(rows.level[own], rows.position[own])
-    return extinction
+        for frame in np.unique(rows.frame).tolist() if field_of.name in (SMOKE, SPEED) else ():
+            air, own = copy(field_of), rows.frame == frame
+            air.values = trajectory.rows[frame].fields[number]
+            there = air.at(rows.level[own], rows.position[own])
+            slow[own] |= there < WAITING_SPEED if field_of.name == SPEED else there >= slow_from
+    return slow
 
 
 def _cause(building: Building, line: LineFlow) -> tuple[str, str]:

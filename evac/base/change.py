@@ -2,7 +2,7 @@
 
 import numbers
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Self, TypeVar
 
@@ -184,6 +184,16 @@ class Change:
     @property
     def words(self) -> str:
         """What happens to what, without the time."""
+        return f"{self.whom} {self.done}"
+
+    @property
+    def whom(self) -> str:
+        """What it happens to."""
+        return repr(self.what) if self.what else "everybody"
+
+    @property
+    def done(self) -> str:
+        """What happens to it."""
         value, ends = self.values.get("value"), self.values.get("value") is False
         done = {
             "open": "opened",
@@ -199,8 +209,8 @@ class Change:
             LIFT: " ".join(map(str, value[:2])) + "".join(f" for {stop}" for stop in value[2:])
             if isinstance(value, tuple)
             else "",
-        }.get(self.kind, self.kind)
-        return f"{repr(self.what) if self.what else 'everybody'} {done}"
+        }
+        return done.get(self.kind, self.kind)
 
     def as_row(self) -> dict[str, Any]:
         """Return the change as a dictionary that can be written as JSON."""
@@ -214,6 +224,15 @@ class Change:
             case {"time": float(time), "kind": str(kind), "what": str(what), "values": dict(values)}:
                 return cls(time, kind, what, values)
         raise ValueError(f"{row!r:.100} is not a change")
+
+
+def changes_in_words(changes: Iterable[Change]) -> list[tuple[float, str]]:
+    """Return times and words of changes, but for stops of lifts; what happens to several things at once is one."""
+    alike: dict[tuple[float, str], list[str]] = {}
+    for change in changes:
+        if change.kind != LIFT:
+            alike.setdefault((change.time, change.done), []).append(change.whom)
+    return [(time, f"{', '.join(whom)} {done}") for (time, done), whom in alike.items()]
 
 
 def control_of(value: Any) -> Control | None:

@@ -204,11 +204,11 @@ MOST_LINES = 12
 
 def show_answer(results: "Results", below: int = 1) -> None:
     """Show verdict, who is out and the times, and as many other lines as `MOST_LINES` has room for, less `below`."""
-    from evac.base.change import LIFT
+    from evac.base.change import changes_in_words
 
     answer, title = results.answer, results.title or Path(results.source).name
-    told = [str(change) for change in results.changes if change.kind != LIFT]
-    changes = f"Changes: {', '.join(told)}" if told else ""
+    told = "; ".join(f"{words} at {time:g} s" for time, words in changes_in_words(results.changes))
+    changes = f"Changes: {told}" if told else ""
     warnings = f"{answer.warnings}; --verbose shows all" if answer.warnings else ""
     full = answer.verdict, answer.outcome, answer.times
     others = warnings, *answer.exits, answer.queue, *answer.remarks, changes, title, answer.movement

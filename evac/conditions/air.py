@@ -1,7 +1,8 @@
 """The air of a run: the sources of its conditions, read at places and times, and its smoke as a field of cells."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,12 +13,13 @@ from evac.base.errors import ScenarioError, fault, naming, plugin_code
 from evac.building.model.building import Building
 from evac.building.model.cells import MOST_CELLS
 from evac.building.model.elevation import ground_of
-from evac.conditions.law import SMOKE
+from evac.conditions.law import SMOKE, SPEED
 from evac.conditions.source import AT_ONCE, HEAD, QUANTITIES, ConditionSource, SourceScene
 from evac.contract.registry import create
 
 if TYPE_CHECKING:
     from evac.case.case import Case
+    from evac.people.behaviour import LevelField
     from evac.simulation.scene import Scene
 
 
@@ -139,16 +141,35 @@ def _checked(values: FloatArray, names: Sequence[str], people: int, source: Cond
 
 
 class SmokeField:
-    """The extinction coefficient at the heads of people of a height [m], on square cells of all levels."""
+    """What is recorded of the smoke, on square cells of all levels, at the heads of people of a height [m].
 
-    def __init__(self, air: Air, scene: "Scene", height: float) -> None:
+    These are the extinction coefficient, if it is among the quantities, and with `speed`, which returns what the values
+    of the quantities leave of a mean desired speed (n,) [m/s], this speed.
+    """
+
+    def __init__(
+        self,
+        air: Air,
+        scene: "Scene",
+        height: float,
+        quantities: Sequence[str],
+        speed: Callable[[Mapping[str, FloatArray]], FloatArray] | None,
+    ) -> None:
         levels = scene.building.levels
         bounds = np.array([level.polygon.bounds for level in levels])
         area = float(np.prod(bounds[:, 2:] - bounds[:, :2] + 4.0 * SPACING, axis=1).sum())
         spacing = max(SPACING, math.ceil(math.sqrt(2.0 * area / MOST_CELLS)))
-        self._air, self.values = air, (field := scene.add_field(NAME, UNIT, spacing)).values
+        self._air, self._quantities = air, quantities
+        self._fields: list[tuple[LevelField, Callable[[Mapping[str, FloatArray]], FloatArray]]] = []
+        if NAME in quantities:
+            self._fields.append((scene.add_field(NAME, UNIT, spacing), itemgetter(NAME)))
+        if speed is not None:
+            self._fields.append((scene.add_field(SPEED, "m/s", spacing), speed))
+        clear = {name: np.array([QUANTITIES[name].clear]) for name in quantities}
         places, cells, level_of, first = [], [], [], 0
-        for level, grid in zip(levels, field.cells, strict=True):
+        for field, value in self._fields:
+            field.values[:] = value(clear)
+        for level, grid in zip(levels, self._fields[0][0].cells, strict=True):
             centres = np.column_stack([values.ravel() for values in grid.centres()])
             ground = shapely.buffer(level.polygon, 0.5 * spacing, join_style="mitre")
             own = np.flatnonzero(shapely.intersects_xy(ground, *centres.T))
@@ -162,4 +183,7 @@ class SmokeField:
 
     def update(self, time: float) -> None:
         """Write the values at a time of the run [s]."""
-        self.values[self._cells] = self._air.at((NAME,), time, self._level, self._place, self._heads)[0]
+        values = self._air.at(self._quantities, time, self._level, self._place, self._heads)
+        air = dict(zip(self._quantities, values, strict=True))
+        for field, value in self._fields:
+            field.values[self._cells] = value(air)

@@ -109,7 +109,10 @@ class Exposure(Saved):
         self._series = np.zeros((0, len(SERIES)))
         self._shown = -PERIOD  # time at which the field was updated
         self.routes = RoutesInSmoke(case, air, self._law, crowd, self.stopped) if case.smoke.routes else None
-        self._field = SmokeField(air, scene, float(crowd.height.mean())) if NAME in air.quantities else None
+        self._mean_speed = float(crowd.speed[:, FLAT].mean())
+        shown = [NAME] * (NAME in air.quantities) if not self._slows else [*self.quantities]
+        speed = self._speed_left if self._slows else None
+        self._field = SmokeField(air, scene, float(crowd.height.mean()), shown, speed) if shown else None
         self.threshold = self._thresholds(groups)
 
     def _thresholds(self, groups: Sequence[Group]) -> FloatArray:
@@ -174,13 +177,22 @@ class Exposure(Saved):
         if self._dose is not None and air:
             self._add_doses(time, rows, air)
         self._time = time
-        smoke = air.get("extinction", np.zeros(len(rows)))
+        smoke = air.get("extinction", 0.0)
         self.extinction[rows] = np.maximum(self.extinction[rows], smoke)
-        irritants = irritant_concentration(air) if self._slows else None
-        self.share[rows] = share_in_smoke(self._law, self._desired(rows, fields), smoke, irritants)
+        self.share[rows] = self._share_left(self._desired(rows, fields), air)
         crowd.velocity[np.isfinite(self.stopped_at) & ~self.stopped] = 0.0
         np.isfinite(self.stopped_at, out=self.stopped)
         self.share[self.stopped], crowd.firmness[self.stopped] = 0.0, FIRMNESS
+
+    def _share_left(self, desired: FloatArray, air: Mapping[str, FloatArray]) -> FloatArray:
+        """Return the share (n,) of desired speeds (n,) [m/s] that the air leaves."""
+        smoke = air.get("extinction", np.zeros_like(desired))
+        return share_in_smoke(self._law, desired, smoke, irritant_concentration(air) if self._slows else None)
+
+    def _speed_left(self, air: Mapping[str, FloatArray]) -> FloatArray:
+        """Return the speed (n,) that the air leaves of the mean desired speed [m/s]."""
+        desired = np.full_like(next(iter(air.values())), self._mean_speed)
+        return desired * self._share_left(desired, air)
 
     def can_grow(self, time: float) -> bool:
         """Return whether doses of people inside who have not been stopped can grow at a time of the run [s]."""
@@ -256,7 +268,7 @@ class Exposure(Saved):
             "quantities": self.quantities,
             "findings": self._findings(),
             "greatest_extinction": float(self.extinction.max(initial=0.0)),
-            "slow_from": slow_from(self._law, float(self._crowd.speed[:, FLAT].mean())),
+            "slow_from": slow_from(self._law, self._mean_speed),
             "routes": None if self.routes is None else self.routes.report(),
             "doses": dict(zip(SERIES, self._series.T.tolist(), strict=True)),
             "dose": None,

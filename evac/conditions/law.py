@@ -12,6 +12,9 @@ from evac.base.parameters import Configurable
 #: Name of the extinction coefficient, as a quantity and as a recorded field.
 SMOKE = "extinction"
 
+#: Name of the recorded field of the speed that smoke and irritants leave of the mean desired speed.
+SPEED = "speed_in_smoke"
+
 #: Extinction coefficient of smoke so dense that laws have their least speed [1/m].
 DENSE = 1e4
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray
-from evac.base.change import LIFT, Change
+from evac.base.change import Change, changes_in_words
 from evac.base.defaults import MOST_HEIGHT
 from evac.base.errors import ResultError
 from evac.base.phases import told
@@ -64,7 +64,7 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
             for time, at in conditions.items()
         ],
         "longest": _longest(motion, account.longest),
-        "changes": [[change.time, change.words] for change in changes if change.kind != LIFT],
+        "changes": changes_in_words(changes),
         "cars": cars_for_page(motion, changes),
         "grain": GRAIN,
         "tallest": MOST_HEIGHT,

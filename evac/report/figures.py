@@ -178,6 +178,10 @@ def margins(trajectory: Trajectory, least_margins: Sequence[LeastMargin]) -> Pic
             axes.plot(x, y, shape, color=colour, markersize=size, markeredgewidth=0.0, zorder=6 + size)
         words.append(f"{what}: {counted(int(is_such.sum()), 'person', 'people')}")
         low = high
+    if rest := trajectory.number_of_people - len(least_margins):
+        words.append(
+            f"without a mark, where no criterion is met as far as the air is known: {counted(rest, 'person', 'people')}"
+        )
     caption = f"Where each person had the least margin on its way; {', '.join(words)}."
     return drawing(plans_.figure, caption, caption, "plans")
 

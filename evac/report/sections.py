@@ -4,8 +4,9 @@ import base64
 import hashlib
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import shapely
 from evac.analysis.congestion import DENSITY, SHARE, Exceedance
 from evac.analysis.hydraulic import LABORATORY, DesignFlow, design_flows, hydraulic_time
 from evac.analysis.maps import KERNEL_RADIUS, level_maps
-from evac.base.change import LIFT, Change
+from evac.base.change import Change, changes_in_words
 from evac.base.distributions import as_text
 from evac.base.errors import counted, in_order
 from evac.base.toml import case_text
@@ -24,7 +25,6 @@ from evac.people.starts import load_table
 from evac.pictures.scales import colouring
 from evac.report import figures
 from evac.report.pages import APPENDIX, KINDS, Cell, Section, fixed, section
-from evac.results.phases import PhaseUse
 from evac.results.recordedcase import BuildingTable, CaseTable, GroupTable
 from evac.results.results import Results
 from evac.results.verdict import BY, judged, least_margins
@@ -51,7 +51,7 @@ def plan_section(building: Building | None, changes: Sequence[Change], case: Bui
         mesh=case.mesh,
         ground=sum(level.polygon.area for level in levels),
         plans=figures.plans(building),
-        stairs=[_stair(building, name) for name in building.stairs],
+        stairs=[*_stairs(building)],
         exits=[
             (e.name, levels[e.level].name, fixed(e.width, 2), states[building.link_of(e)])
             for e in in_order(building.exits)
@@ -69,7 +69,7 @@ def plan_section(building: Building | None, changes: Sequence[Change], case: Bui
             for place in building.places
         ],
         closed=case.closed,
-        changes=[(fixed(change.time, 1), change.words) for change in changes if change.kind != LIFT],
+        changes=[(fixed(time, 1), words) for time, words in changes_in_words(changes)],
         lacks=() if building.doors else ("doors",),
     )
 
@@ -109,19 +109,23 @@ def _alike(rows: Iterable[tuple[str | None, ...]]) -> list[tuple[object, ...]]:
     return [(*alike, len(own), ", ".join(own)) for alike, own in names.items()]
 
 
+def _stairs(building: Building) -> Iterator[tuple[object, ...]]:
+    """Yield a row for alike stairs above each other: names, heights, flights, steepest slope, and narrowest portal."""
+    for shaft in building.shafts.values():
+        for alike, own in groupby(shaft, lambda name: _stair(building, name)):
+            names = [*own]
+            levels = [building.levels[index] for name in names for index in building.stairs[name]]
+            heights = min(level.z_min for level in levels), max(level.z_max for level in levels)
+            yield " to ".join(dict.fromkeys([names[0], names[-1]])), *(fixed(z, 2) for z in heights), *alike
+
+
 def _stair(building: Building, name: str) -> tuple[object, ...]:
-    """Return the row of a stair: its heights, flights, steepest slope, and narrowest portal."""
+    """Return of a stair its flights, steepest slope, and narrowest portal."""
     parts = [building.levels[index] for index in building.stairs[name]]
     flights = [level for level in parts if level.kind == "flight"]
     widths = [portal.width for level in parts for portal in building.portals_of(level.index)]
-    return (
-        name,
-        fixed(min(level.z_min for level in parts), 2),
-        fixed(max(level.z_max for level in parts), 2),
-        len(flights),
-        fixed(math.degrees(max((level.slope for level in flights), default=0.0)), 1),
-        fixed(min(widths, default=None), 2),
-    )
+    slope = fixed(math.degrees(max((level.slope for level in flights), default=0.0)), 1)
+    return len(flights), slope, fixed(min(widths, default=None), 2)
 
 
 def _in_words(states: Sequence[tuple[float, bool]]) -> str:
@@ -153,6 +157,7 @@ def occupants_section(case: CaseTable, run: Results | None) -> Section:
         "occupants",
         "Occupants and assumptions",
         people=sum(_size(group, run) for group in case.people),
+        fire=bool(case.conditions),
         groups=_groups(case, run),
         uses=_uses(run),
         characteristics=_characteristics(case, run),
@@ -210,6 +215,7 @@ def _size(group: GroupTable, run: Results | None) -> int:
 def _start(group: GroupTable) -> str:
     """Return where the people of a group start, or where and when they arrive."""
     on = f"level {group.level}" if group.level else f"z = {group.z:g} m" if group.z is not None else "a level"
+    on = on if group.use is None else f"rooms of use {group.use}"
     where = f"area {group.area}" if group.area else on if group.positions is None else f"given places on {on}"
     if group.arrive is None:
         return where
@@ -276,14 +282,9 @@ def times_section(run: Results) -> Section:
         stuck=list(stuck.items()),
         curve=figures.egress(run),
         tables=run.tables,
-        clear=[(phase["name"], _clear(phase)) for phase in run.phase],
         others=run.number_by_other_exits,
         metrics=[(name, as_text(values)) for name, values in run.metrics.items()],
     )
-
-
-def _clear(phase: PhaseUse) -> str:
-    return ", ".join(f"{name} {fixed(time, 1) or 'not clear'}" for name, time in phase["clear"].items())
 
 
 def places_section(run: Results, id_: str = "places", name: str = "") -> Section:
@@ -294,8 +295,9 @@ def places_section(run: Results, id_: str = "places", name: str = "") -> Section
 #: Greatest number of places in the table, those congested longest.
 MOST_PLACES = 10
 
-#: Greatest number of queues with a map and a curve, those in which people waited longest in total.
-MOST_QUEUES = 4
+#: Greatest number of queues with a map and a curve, those in which people waited longest in total, and least share of
+#: all waiting of those after the first.
+MOST_QUEUES, LEAST_SHARE = 4, 0.05
 
 TITLE, MARGINS = "Bottlenecks and congestion", "Available and required safe egress times"
 
@@ -340,6 +342,7 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
             queues=[
                 figures.bottleneck(trajectory, queue, maps, number)
                 for number, queue in enumerate(queues[:MOST_QUEUES], 1)
+                if number == 1 or queue.share >= LEAST_SHARE
             ],
             tables=run.tables,
             places=[

@@ -47,7 +47,7 @@ from evac.study.study import Study
 PERCENTILES = (5, 50, 95)
 
 #: Tables of the sections over runs.
-WHO, WHAT = ("shares", "groups", "phases", "exits"), ("queues", "congestion", "doses", "outcomes")
+WHO, WHAT = ("shares", "groups", "phases", "cleared", "exits"), ("queues", "congestion", "doses", "outcomes")
 WHERE = ("levels", "stairs", "merging", "flows")
 
 #: Greatest number of runs that are listed one by one; the others are in runs.csv.

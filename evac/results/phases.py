@@ -51,7 +51,7 @@ def phases_of(
         alarms = [change.time for change in changes if change.kind == "alarm" and change.what in phase.of]
         starts = crowd.start_time[rows][np.isfinite(crowd.start_time[rows])]
         out, levels = crowd.exit_time[rows], {}
-        for title in dict.fromkeys(building.levels[level].title for level in start[0][rows].tolist()):
+        for title in dict.fromkeys(building.levels[level].title for level in np.unique(start[0][rows]).tolist()):
             own = [level.index for level in building.levels if level.title == title]
             levels[title] = moves.occupancy(own)["last_left"]
         uses.append(

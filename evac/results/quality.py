@@ -11,6 +11,7 @@ from evac.analysis.hydraulic import ESCALATORS, LABORATORY, STAIRS
 from evac.analysis.lines import LineFlow
 from evac.analysis.queues import NEAR
 from evac.base.arrays import FloatArray
+from evac.base.change import Change, changes_in_words
 from evac.base.errors import counted
 from evac.building.model.building import FLAT, Building, Exit
 from evac.directions.routes import QUICKEST
@@ -155,7 +156,7 @@ def flow_warnings(building: Building, flows: Iterable[LineFlow], keepers: Sequen
 
 
 def queue_warnings(results: "Results") -> tuple[str, ...]:
-    """Return a line for each exit that few people left by while it was open and others waited close to it."""
+    """Return a line for each open exit without control that few left by while others waited close to it."""
     lines, queues = [], {queue.name: queue for queue in results.queues if queue.kind == "exit"}
     trajectory = results.trajectory
     for exit_ in results.building.exits:
@@ -164,7 +165,8 @@ def queue_warnings(results: "Results") -> tuple[str, ...]:
             continue
         time = trajectory.time
         queued = np.flatnonzero(queue.near >= QUEUE * max(1.0, exit_.width))
-        queued = queued[[trajectory.building_at(at).is_open(exit_) for at in time[queued].tolist()]]
+        then = [trajectory.building_at(at) for at in time[queued].tolist()]
+        queued = queued[[at.is_open(exit_) and at.link_of(exit_) not in at.controlled for at in then]]
         seconds = float(np.diff(time, prepend=time[0])[queued].sum())
         left = results.crowd.exit_time[results.crowd.exit_used == exit_.index]
         flow = np.isin(np.searchsorted(time, left), queued).sum() / max(seconds, QUEUE_SPAN) / exit_.width
@@ -289,11 +291,24 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
                 "bodies in contact can block a narrow passage permanently, because people do not turn or give way; "
                 "compare several seeds, or a wider passage"
             )
+        if closed := closings(results.changes):
+            why = f"what is closed may hold them up: {'; '.join(closed)}"
         lines.append(
             f"{_number(len(results.stuck))} without progress at the end, the first at ({x:.2f}, {y:.2f}) on "
             f"{results.titles_at([first])[0]!r}: {why}"
         )
     return (*lines, *results.notes)
+
+
+def closings(changes: Iterable[Change]) -> list[str]:
+    """Return the changes that have closed something, or closed it to those who would enter, and are still in force."""
+    closed = dict[str, Change]()
+    for change in changes:
+        if change.kind in ("open", "close", "no_entry"):
+            closed.pop(change.what, None)
+        if change.kind in ("close", "no_entry") and change.values.get("value") is not False:
+            closed[change.what] = change
+    return [f"{words} at {time:g} s" for time, words in changes_in_words(closed.values())]
 
 
 def _number(number: int) -> str:

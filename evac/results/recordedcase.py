@@ -30,6 +30,7 @@ class GroupTable(BaseModel):
     area: str | None = None
     level: str | None = None
     z: float | None = None
+    use: str | None = None
     positions: list[list[float]] | None = None
     arrive: dict[str, Any] | None = None
     leave: bool = True
@@ -68,6 +69,7 @@ class CaseTable(Record):
     forces: Tables = {}
     behaviours: Tables = {}
     simulation: dict[str, Any]
+    conditions: list[dict[str, Any]] = []
     report: ReportTable = ReportTable()
 
     @property

@@ -52,6 +52,9 @@ TABLES = {
         "Phases: people who started in their places, with the alarm and the times at which they started and were out",
         ("phase", "places", "people", "alarm [s]", "first starts [s]", "last starts [s]", "last out [s]"),
     ),
+    "cleared": Kind(
+        "Times at which nobody was left on the floors of each phase", ("phase", "floor", "clear [s]"), "not clear"
+    ),
     "queues": Kind(
         "Queues by what causes them, those with the longest total waiting time",
         ("cause", "share of all waiting [%]", "people", "mean wait [s]", "most at once", "from [s]", "to [s]"),
@@ -108,6 +111,11 @@ def tables_of(run: "Results") -> dict[str, Rows]:
         "phases": [
             (phase["name"], ", ".join(phase["of"]), phase["people"], *(phase[name] for name in times))  # type: ignore[literal-required]
             for phase in run.phase
+        ],
+        "cleared": [
+            (phase["name"], floor, math.inf if time is None else time)
+            for phase in run.phase
+            for floor, time in phase["clear"].items()
         ],
         "lifts": [
             (

@@ -2,7 +2,7 @@
 
 import pytest
 
-from evac.base.change import REMEDIES, Change, Control, is_legal
+from evac.base.change import REMEDIES, Change, Control, changes_in_words, is_legal
 
 #: Values that a kind takes; all others of the table are refused.
 LEGAL = {
@@ -53,3 +53,12 @@ def test_the_end_of_a_change_is_told_as_such():
         assert ends in Change(1.0, kind, "a", {"value": False}).words
     assert Change(1.0, "bar", "a").words == "'a' barred"
     assert str(Change(2.5, "close", "a", {"value": "bodies"})) == "'a' closed for bodies alone at 2.5 s"
+
+
+def test_what_happens_to_several_things_at_once_is_told_once_and_stops_of_lifts_are_not():
+    changes = [Change(10.0, "alarm", "a"), Change(10.0, "lift", "car", {"value": ("opens at", "a")})]
+    changes += [Change(10.0, "alarm", "b"), Change(10.0, "close", "b"), Change(20.0, "alarm", "a")]
+    changes += [Change(20.0, "slow", "a", {"value": 0.5}), Change(20.0, "slow", "b", {"value": 0.4})]
+    told = [(10.0, "'a', 'b' alarmed"), (10.0, "'b' closed"), (20.0, "'a' alarmed")]
+    told += [(20.0, "'a' at 0.5 of the speed"), (20.0, "'b' at 0.4 of the speed")]
+    assert changes_in_words(changes) == told

@@ -85,7 +85,7 @@ def test_hooks_are_named_and_hide_no_class_of_their_file(evac, capsys):
 def test_a_run_says_what_a_hook_has_changed(evac, capsys):
     Path("closing.py").write_text(CLOSING)
     assert evac("run", "square_room", "--plugin", "closing.py", "--set", "output.replay=false") == 0
-    assert re.search(r"^Changes: 'door' closed at 1 s, 'door' opened at 2 s *$", capsys.readouterr().out, re.MULTILINE)
+    assert re.search(r"^Changes: 'door' closed at 1 s; 'door' opened at 2 s *$", capsys.readouterr().out, re.MULTILINE)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 import evac
 from evac.analysis.measures import records
 from evac.cli.main import main
+from evac.conditions.law import share_with_irritants
 from evac.export.vtk import people_polydata
 from evac.simulation.simulation import Simulation
 from evac_buildings.office_fire.write_slices import CO, EXTINCTION, write_slices
@@ -300,3 +301,15 @@ def test_who_crawls_in_thick_smoke_waits_because_of_it_and_not_for_a_door():
         assert (results.hold_up and results.hold_up.place) == place
         waited = sum(queue.waited for queue in results.queues)
         assert waited == pytest.approx(2 * 10.0 / 0.125 if place else 0.0, rel=0.1, abs=1.0)
+
+
+@pytest.mark.parametrize(("hcl", "place"), [(150.0, "smoke on 'f'"), (30.0, None)])
+def test_irritants_that_alone_would_not_make_people_slow_count_with_the_smoke(hcl, place):
+    smoke = prescribed(values={"extinction": 6.0, "hcl": hcl, "co": 0.0, "co2": 0.04, "o2": 20.9}, hold=True)
+    results = evac.run(corridor(smoke, positions=((95.0, 1.0),), dose={"heat": "none"}), progress=False)
+    assert (results.hold_up and results.hold_up.place) == place
+    fields = {field.name: results.trajectory.field(field.name).values for field in results.trajectory.level_fields}
+    left = max(0.1, 1.0 - 0.057 * 6.0 / 0.706 - (1.0 - share_with_irritants(np.array([hcl / 900.0]))[0]))
+    inside = fields["extinction"] == 6.0
+    np.testing.assert_allclose(fields["speed_in_smoke"][inside], 1.25 * left, rtol=1e-5)
+    np.testing.assert_allclose(fields["speed_in_smoke"][~inside], 1.25, rtol=1e-5)

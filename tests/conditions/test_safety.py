@@ -165,7 +165,7 @@ def check(seed, folder):
     assert np.isfinite(least[np.isnan(found)]).sum() == 0
     known = np.isfinite(least)
     assert (found[known] <= least[known] + 0.2).all()
-    assert (np.abs(found[known] - least[known]) < 0.8).mean() > 0.8
+    assert not known.any() or (np.abs(found[known] - least[known]) < 0.8).mean() > 0.8
     with_factor, margin = min(worst)
     status = "green" if with_factor >= 0.0 else "amber" if margin >= 0.0 else "red"
     assert results.verdict["status"] == status

@@ -35,3 +35,20 @@ def test_doors_are_listed_or_asked_for(with_door):
     assert ("doors between rooms" in row[-1]) != with_door
     if with_door:
         assert shown.table("Doors between rooms")[1:] == [["floor", "0.95", "open", "1", "inner"]]
+
+
+def test_alike_stairs_above_each_other_share_a_row():
+    plan = Plan()
+    for k, name in enumerate("abcd"):
+        plan.storey(name, [box(0, 0, 12, 6)], z=3.0 * k)
+    for k, width in enumerate((1.4, 1.4, 1.2)):
+        lower, upper = "abcd"[k : k + 2]
+        plan.stair(f"west {k}", lower, [(4, 0), (4, width)], upper, length=5.0, direction=(1, 0))
+    plan.exit("out", "a", [(0, 1), (0, 2)])
+    run = SimpleNamespace(
+        trajectory=SimpleNamespace(building=plan.building(), changes=()),
+        case_table=SimpleNamespace(building=BuildingTable()),
+    )
+    shown = Page(page(Head("title", "kind", verdict_of(None), "", {}), BLANK, [building_section(run)]))
+    rows = [(row[0], *row[1:4], row[-1]) for row in shown.table("Stairs: heights")[1:]]
+    assert rows == [("west 0 to west 1", "0.00", "6.00", "1", "1.40"), ("west 2", "6.00", "9.00", "1", "1.20")]

@@ -8,7 +8,7 @@ import shapely
 
 import evac
 from evac.analysis.lines import LineFlow
-from evac.results.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings
+from evac.results.quality import chatter_warning, closings, contact_warnings, crushing_warning, flow_warnings
 from evac.results.watch import Observation
 
 ALL_RIGHT = {
@@ -122,6 +122,18 @@ def test_an_exit_that_few_leave_by_while_others_queue_has_a_warning(tmp_path):
     case["people"][1]["behaviours"]["response_time"]["time"] = 5.0
     results = evac.run(evac.load(case), tmp_path / "none")
     assert not [line for line in results.quality_warnings if line.startswith("flow lower")]
+    case["people"].pop()
+    controlled = evac.load(case, {"building.controls": {"out": {"every": 3.0}}})
+    results = evac.run(controlled, tmp_path / "controlled")
+    assert np.diff(np.sort(results.crowd.exit_time)).min() >= 3.0  # which is meant to be slow
+    assert not [line for line in results.quality_warnings if line.startswith("flow lower")]
+
+
+def test_closings_in_force_are_those_that_nothing_has_undone():
+    changes = [("close", "a", {}), ("close", "b", {"value": "bodies"}), ("no_entry", "c", {}), ("open", "a", {})]
+    changes += [("no_entry", "d", {}), ("no_entry", "d", {"value": False}), ("slow", "b", {"value": 0.5})]
+    made = [evac.Change(float(k), kind, what, values) for k, (kind, what, values) in enumerate(changes)]
+    assert closings(made) == ["'b' closed for bodies alone at 1 s", "'c' closed to those who would enter at 2 s"]
 
 
 CLOSED = [{"time": 0.0, "kind": "close", "target": "far"}]

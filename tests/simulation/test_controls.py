@@ -142,6 +142,10 @@ def test_who_is_on_a_stair_that_closes_leaves_it_or_is_shut_in():
             "on 'stair' cannot reach any exit any more because of: 'stair' closed at 7 s" in line
             for line in results.notes
         ) == bool(value)
+        (held,) = [
+            line for line in results.remarks if "'stair' closed at 7 s" in line and "without progress" in line
+        ] or [""]
+        assert bool(held) == bool(value)
     assert outcome[False][1] == 0
     assert outcome[True][1] > 0
     assert outcome[False][0] >= outcome[True][0] + outcome[True][1]
