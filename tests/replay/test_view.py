@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from PIL import Image
-from scipy.ndimage import maximum_filter
+from scipy.ndimage import maximum_filter, minimum_filter
 from shapely import Point, box
 
 import evac
@@ -217,3 +217,23 @@ def test_the_section_has_storeys_as_bars_and_stairs_unfolded_beside_them(browser
     rise = np.polyfit(z[stairs], y[stairs], 1)
     assert rise[0] > 0.5
     assert np.abs(np.polyval(rise, z[stairs]) - y[stairs]).max() < 1.0  # half the width of a stair, and its landing
+
+
+def test_walls_thinner_than_a_pixel_are_drawn_in_plan(browser, page):
+    browser.open(page, 1000, 700)
+    browser.run("replay.record.radius.fill(0); replay.act.view('plan'); document.getElementById('labels').hidden = true")
+    browser.settle()
+    middles = browser.run(
+        """(() => {
+          const { layout, camera, record } = replay, box = document.getElementById("view").getBoundingClientRect();
+          return record.building.levels.flatMap((level, index) => level.kind !== "floor" ? [] :
+            Array.from({ length: level.walls.length / 6 }, (_, k) => {
+              const [x1, y1, z1, x2, y2] = level.walls.slice(6 * k, 6 * k + 6).map((value) => value * layout.grain);
+              const [x, y] = camera.project(layout.place(index, (x1 + x2) / 2, (y1 + y2) / 2, z1));
+              return [box.left + (x + 1) / 2 * box.width, box.top + (1 - y) / 2 * box.height];
+            }));
+        })()"""
+    )
+    assert len(middles) > 50
+    darkest = minimum_filter(picture(browser).max(axis=2), 5)
+    assert (np.array([darkest[round(y), round(x)] for x, y in middles]) < 190).all()  # white floors, dark lines

@@ -137,6 +137,7 @@ class Stage {
       this.drawPeople(part, look.shadows);
       this.use(this.solid, { cover: isOpaque ? 1 : COVER.solid });
       this.show(`solid ${storey}`);
+      if (isFlat) this.show(`solid ${storey}`, gl.LINES);  // walls thinner than a pixel
       gl.depthMask(false);
       this.use(this.glow);
       this.show(`glow ${storey}`);
