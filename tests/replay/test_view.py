@@ -221,7 +221,8 @@ def test_the_section_has_storeys_as_bars_and_stairs_unfolded_beside_them(browser
 
 def test_walls_thinner_than_a_pixel_are_drawn_in_plan(browser, page):
     browser.open(page, 1000, 700)
-    browser.run("replay.record.radius.fill(0); replay.act.view('plan'); document.getElementById('labels').hidden = true")
+    browser.run("replay.record.radius.fill(0); document.getElementById('labels').hidden = true")
+    browser.run("replay.act.view('plan')")
     browser.settle()
     middles = browser.run(
         """(() => {
