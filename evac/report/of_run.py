@@ -11,7 +11,6 @@ import numpy as np
 
 from evac.base.errors import ResultError, counted
 from evac.base.toml import case_text
-from evac.contract.hooks import BASES, DEFAULT_MOVEMENT
 from evac.folder.files import (
     CROSSINGS_NAME,
     EGRESS_NAME,
@@ -38,6 +37,7 @@ from evac.report.sections import (
     occupants_section,
     places_section,
     times_section,
+    walking_of,
 )
 from evac.report.verification import verification_section
 from evac.results.reading import read_results
@@ -89,7 +89,7 @@ def main_results(run: Results) -> dict[str, object]:
         "Queues": answer.queue or "not recorded",
         **({"Last person out": _last(run)} if run.evacuated else {}),
         "Second opinion": hydraulic_answer(run),
-        "Walking": f"{answer.movement}{_basis(run)}",
+        "Walking": walking_of(run.case_table, run.keeps_distance),
         **{f"At {place}": str(len(place.people)) for place in run.places},
         **{f"Note {number}": note for number, note in enumerate(run.notes, 1)},
         "End of the run": f"{run.ended}, after {run.time:.1f} s of simulated time ({run.steps} steps)",
@@ -104,12 +104,6 @@ def _last(run: Results) -> str:
     start = float(np.fmax(crowd.start_time, crowd.arrival_time)[row])
     way = f"{crowd.distance[row]:.1f} m in {crowd.exit_time[row] - start:.1f} s"
     return f"Person {row}, who started to walk at {start:.1f} s, then {way}"
-
-
-def _basis(run: Results) -> str:
-    """Return which basis the way of walking has, and what that means; empty without it."""
-    basis = str((run.case_table.behaviours.get(DEFAULT_MOVEMENT) or {}).get("preset"))
-    return f"; preset {basis!r}: {BASES[basis]}" if basis in BASES else ""
 
 
 def banner(run: Results) -> str:

@@ -21,10 +21,12 @@ from evac.base.errors import counted, in_order
 from evac.base.toml import case_text
 from evac.building.model.building import Building
 from evac.building.model.links import states_of
+from evac.contract.hooks import BASES, DEFAULT_MOVEMENT
 from evac.people.starts import load_table
 from evac.pictures.scales import colouring
 from evac.report import figures
 from evac.report.pages import APPENDIX, KINDS, Cell, Section, fixed, section
+from evac.results.answer import movement_of
 from evac.results.recordedcase import BuildingTable, CaseTable, GroupTable
 from evac.results.results import Results
 from evac.results.verdict import BY, judged, least_margins
@@ -476,6 +478,12 @@ def design_section(run: Results) -> Section:
     shown = sorted(flows, key=lambda flow: -flow.hydraulic_time)[:MOST_ROWS]
     rows, answer = [_design_row(flow) for flow in shown], hydraulic_answer(run)
     return section("design", f"{APPENDIX}hydraulic calculation", rows=rows, answer=answer, laboratory=LABORATORY)
+
+
+def walking_of(case: CaseTable, keepers: Sequence[str]) -> str:
+    """Return whether people keep distances, by the behaviours with which they do, and which basis walking has."""
+    basis = str((case.behaviours.get(DEFAULT_MOVEMENT) or {}).get("preset"))
+    return movement_of(keepers) + (f"; preset {basis!r}: {BASES[basis]}" if basis in BASES else "")
 
 
 def hydraulic_answer(run: Results) -> str:

@@ -31,13 +31,14 @@ from evac.report.sections import (
     plan_section,
     safety_cells,
     times_section,
+    walking_of,
 )
 from evac.report.verification import verification_section
 from evac.results.ending import FAILED
 from evac.results.reading import read_results
 from evac.results.recordedcase import CaseTable, Record
 from evac.results.results import Results
-from evac.results.tables import TABLES
+from evac.results.tables import HYDRAULIC, TABLES
 from evac.study.maps import maps_over_runs
 from evac.study.outputs import egress, hold_up_of, parameter_keys, points_table, quality_of, statistics_table
 from evac.study.statistics import MEDIAN, Estimate, estimate
@@ -104,7 +105,7 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
         *_margins(data["points"]),
         *([section("fire", "Smoke, gases and heat", "sources", sources=sources)] if sources else []),
         _over_runs(study, "exits", "People out, groups, phases and exits over runs", WHO),
-        _over_runs(study, "outcomes", "Queues, events, smoke, doses and margins over runs", WHAT),
+        _over_runs(study, "outcomes", "Queues, hydraulic time, events, smoke, doses and margins over runs", WHAT),
         _over_runs(study, "parts", f"{APPENDIX}levels, stairs and flows over runs", WHERE),
         *_maps(study, places),
         *(section for number, run in enumerate(members, 1) for section in _of_run(run, number, places)),
@@ -118,7 +119,8 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
     title = summary.title or folder.name
     picture = figures.cover(first.trajectory) if first is not None and first.trajectory else None
     kind, verdict = f"Evacuation analysis: {len(rows)} runs", data["verdict"]
-    head = Head(title, kind, verdict, _banner(study), _results(study, rows), picture)
+    results = _results(study, rows) | {"Walking": walking_of(summary.table, summary.keeps_distance)}
+    head = Head(title, kind, verdict, _banner(study), results, picture)
     return page(head, labels.filled(summary.table.report), sections)
 
 
@@ -189,6 +191,7 @@ def _results(study: Study, rows: Sequence[Mapping[str, Any]]) -> dict[str, objec
                 for one in (estimates.mean, *estimates.percentiles)
             },
             "Queues": hold_up or "not recorded (evac repeat --maps)",
+            "Second opinion": _hydraulic_answer(study),
         }
     if study.step_change is not None:
         results["Change of the mean with half the time step [s]"] = _noted(study.step_change, "+.2f")
@@ -197,6 +200,15 @@ def _results(study: Study, rows: Sequence[Mapping[str, Any]]) -> dict[str, objec
     results["Blocked runs"] = f"{blocked} of {runs}"
     results["Runs with quality warnings"] = f"{sum(bool(row['quality_warnings']) for row in rows)} of {len(rows)}"
     return results
+
+
+def _hydraulic_answer(study: Study) -> str:
+    """Return the hydraulic evacuation time over the runs of the first point."""
+    numbers = (number for row in study.rows(0, ["tables"]) for number in row["tables"])
+    times = [number["value"] for number in numbers if number["row"] == HYDRAULIC]
+    if not times:
+        return "Not computed"
+    return f"The hydraulic evacuation time [s], median over runs, is {_noted(estimate(MEDIAN, np.array(times)), '.1f')}"
 
 
 def _points(study: Study) -> Iterator[Section]:

@@ -1,6 +1,7 @@
 """The answer of a run in a few lines: whether it is in time, who is out, when and by which exits, queues, warnings."""
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -42,11 +43,16 @@ class Answer(NamedTuple):
 
 def answer_of(results: "Results") -> Answer:
     """Return the answer of a run, from its results and, where there is one, its trajectory."""
-    queue, keepers = "" if results.trajectory is None else _queues(results), ", ".join(results.keeps_distance)
-    movement = f"People do not keep distances; to change this, set behaviours.{DEFAULT_MOVEMENT}={{}}"
-    movement = f"People keep distances ({keepers})" if keepers else movement
-    said = results.verdict["text"], _outcome(results), _times(results), _exits(results), queue, movement
-    return Answer(*said, results.remarks, _warnings(results))
+    queue = "" if results.trajectory is None else _queues(results)
+    said = results.verdict["text"], _outcome(results), _times(results), _exits(results), queue
+    return Answer(*said, movement_of(results.keeps_distance), results.remarks, _warnings(results))
+
+
+def movement_of(keepers: Sequence[str]) -> str:
+    """Return whether people keep distances, by the behaviours in use with which they do."""
+    if keepers:
+        return f"People keep distances ({', '.join(keepers)})"
+    return f"People do not keep distances; to change this, set behaviours.{DEFAULT_MOVEMENT}={{}}"
 
 
 def time_of_share(exit_time: FloatArray, percent: float) -> float | None:

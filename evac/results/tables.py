@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from evac.analysis.congestion import DENSITY
+from evac.analysis.hydraulic import design_flows, hydraulic_time
 from evac.analysis.lines import ExitUse, FlowUse
 from evac.analysis.occupancy import Occupancy
 from evac.base.arrays import FloatArray
@@ -64,7 +65,7 @@ TABLES = {
         ("what", "number"),  # of recorded runs of studies
     ),
     "doses": Kind("Doses of people", ("dose", "people above 0.3", "people above 1", "greatest")),
-    "outcomes": Kind("Events, safe places, smoke, doses and margins", ("what", "number")),
+    "outcomes": Kind("Hydraulic calculation, events, safe places, smoke, doses and margins", ("what", "number")),
     "levels": Kind("Use, and time at which the last person left", ("level", *USED), "not cleared"),
     "stairs": Kind(
         "Use of stairs, flights and landings together, and time at which the last person left",
@@ -88,6 +89,9 @@ TABLES = {
         ("kind", "name", "direction", "people", *FLOW),
     ),
 }
+
+#: Row of the outcomes with the time of the hydraulic calculation.
+HYDRAULIC = "hydraulic evacuation time [s]"
 
 #: Rows of a table: words, and numbers, None where there is none.
 Rows = list[tuple[Any, ...]]
@@ -177,6 +181,9 @@ def _exits(run: "Results") -> Iterator[tuple[Any, ...]]:
 
 def _outcomes(run: "Results") -> Iterator[tuple[str, float | None]]:
     """Yield what has a number in a run, or none."""
+    flows = () if run.building_or_none is None else design_flows(run.building, run.flows, run.crowd.exit_time)
+    if (decisive := hydraulic_time(flows)) is not None:
+        yield HYDRAULIC, decisive.hydraulic_time
     yield "people stopped by gases or heat", len(run.stopped)
     for place in run.places:
         yield f"people at {place}", len(place.people)
