@@ -38,7 +38,7 @@ LEAST_STEP = 0.03
 #: Greatest number of letters of a title for changes of the scene.
 MOST_SAID = 80
 
-#: Number of letters of a line of the title per inch.
+#: Number of letters per inch of a line of the title, and of the label of a colour bar.
 LETTERS = 13
 
 #: What is written beside lines on maps of the flow.
@@ -294,7 +294,7 @@ def _add_bar(plans: Plans, colours: ScalarMappable, label: str) -> Colorbar:
     bar = plans.figure.colorbar(colours, cax=axes)
     bar.outline.set_linewidth(0.5)
     bar.ax.tick_params(labelsize=9, labelcolor=palette.TEXT, color=palette.TEXT)
-    bar.set_label(label, fontsize=9, color=palette.TEXT)
+    bar.set_label(textwrap.fill(label, max(12, int(LETTERS * height / inch[1]))), fontsize=9, color=palette.TEXT)
     return bar
 
 

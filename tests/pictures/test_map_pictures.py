@@ -10,7 +10,7 @@ from evac.analysis.maps import QUANTITIES
 from evac.base.errors import ResultError
 from evac.pictures import palette
 from evac.pictures.floorplan import draw_plans
-from evac.pictures.map_pictures import NEVER, draw_cut, draw_map, draw_maps, write_maps
+from evac.pictures.map_pictures import NEVER, draw_cut, draw_difference, draw_map, draw_maps, write_maps
 from evac.trajectory.trajectory import read_trajectory
 
 
@@ -99,3 +99,13 @@ def test_the_name_of_an_exit_is_not_written_over_the_colour_bar_of_a_cut(traject
     draw_cut(figure, (0.0, 0.0, 0.33, 1.0), trajectory, "waiting", maps, level, (x + beside - 5.0, y), 5.0)
     edge = round(figure.axes[0].get_window_extent().x1) + 2
     assert has_colour(pixels(figure)[:, edge:], palette.EXIT, 40) == 0.0
+
+
+@pytest.mark.parametrize("quantity", ["max_density", "waiting", "contact_pressure"])
+def test_the_label_of_a_difference_is_in_the_picture_of_a_low_building(trajectory, quantity):
+    maps = trajectory.maps(spacing=0.5)
+    figure = draw_difference(trajectory.building, maps, maps, quantity, greatest=(5.4, 2.0))
+    figure.canvas.draw()
+    label = figure.axes[-1].yaxis.label.get_window_extent()
+    assert figure.bbox.x0 <= label.x0 < label.x1 <= figure.bbox.x1
+    assert figure.bbox.y0 <= label.y0 < label.y1 <= figure.bbox.y1
