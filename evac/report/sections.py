@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from evac.analysis.congestion import DENSITY, SHARE, Exceedance
-from evac.analysis.hydraulic import LABORATORY, DesignFlow, design_flows, hydraulic_time
+from evac.analysis.hydraulic import LABORATORY, DesignFlow, design_flows
 from evac.analysis.maps import KERNEL_RADIUS, level_maps
 from evac.base.change import Change, changes_in_words
 from evac.base.distributions import as_text
@@ -490,8 +490,7 @@ def hydraulic_answer(run: Results) -> str:
     """Return the hydraulic evacuation time beside that of the run."""
     if run.building_or_none is None:
         return "Not computed, since no trajectory was recorded"
-    decisive = hydraulic_time(design_flows(run.building, run.flows, run.crowd.exit_time))
-    if decisive is None:
+    if (decisive := run.hydraulic) is None:
         return "Nobody passed an exit, a door or a stair"
     time, own = decisive.hydraulic_time, "in the run, not everybody left"
     if run.last_out is not None and run.is_complete:

@@ -15,6 +15,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, GetPydanticSchema, Plai
 from pydantic_core import core_schema
 from typing_extensions import TypedDict
 
+from evac.analysis.hydraulic import DesignFlow, design_flows, hydraulic_time
 from evac.analysis.lines import ExitUse, FlowUse, LineFlow, exit_table, flow_rows, line_flows, link_flows, totals
 from evac.analysis.occupancy import Moves, Occupancy, moves_of
 from evac.analysis.queues import Queue, find_queues
@@ -541,6 +542,13 @@ class Results:
         """Passages through exits and portals and, from the recorded motion, through doors and the lines of the case."""
         crossed = [] if self.trajectory is None else line_flows(self.trajectory)
         return (*link_flows(self.building, self.moves), *crossed)
+
+    @cached_property
+    def hydraulic(self) -> DesignFlow | None:
+        """The place that decides the hydraulic evacuation time; None without one, or without a recorded building."""
+        if self.building_or_none is None:
+            return None
+        return hydraulic_time(design_flows(self.building, self.flows, self.crowd.exit_time))
 
     @cached_property
     def queues(self) -> tuple[Queue, ...]:

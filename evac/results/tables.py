@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from evac.analysis.congestion import DENSITY
-from evac.analysis.hydraulic import design_flows, hydraulic_time
 from evac.analysis.lines import ExitUse, FlowUse
 from evac.analysis.occupancy import Occupancy
 from evac.base.arrays import FloatArray
@@ -181,9 +180,8 @@ def _exits(run: "Results") -> Iterator[tuple[Any, ...]]:
 
 def _outcomes(run: "Results") -> Iterator[tuple[str, float | None]]:
     """Yield what has a number in a run, or none."""
-    flows = () if run.building_or_none is None else design_flows(run.building, run.flows, run.crowd.exit_time)
-    if (decisive := hydraulic_time(flows)) is not None:
-        yield HYDRAULIC, decisive.hydraulic_time
+    if run.hydraulic is not None:
+        yield HYDRAULIC, run.hydraulic.hydraulic_time
     yield "people stopped by gases or heat", len(run.stopped)
     for place in run.places:
         yield f"people at {place}", len(place.people)
