@@ -58,10 +58,11 @@ def test_a_stair_needs_a_storey_above_which_is_offered(page):
     ("foot", "to", "turn", "at"),
     [
         ((7, 2.5), (9, 2.5), None, [7, 2.5]),  # 4.94 m of steps and 1.2 m to arrive at
+        ((7, 0), (9, 0), None, [7, 0.65]),  # moved aside, to the wall of 0.1 m
         ((9, 2.5), (11, 2.5), "left", [9, 2.5]),
         ((10, 4.3), (7, 4.3), "left", [10, 4.3]),
         ((15.9, 0.9), (15.9, 3), "left", [15.9, 0.9]),
-        ((14.7, 0.9), (14.7, 3), "left", [15.95, 0.9]),  # moved aside, to the wall of 0.1 m
+        ((14.7, 0.9), (14.7, 3), "left", [15.95, 0.9]),
     ],
 )
 def test_a_stair_is_of_the_kind_that_fits(page, foot, to, turn, at):
@@ -181,6 +182,11 @@ def test_a_building_without_an_exit_offers_the_tool(page):
     assert "[[exits]]" not in page.text("#findings .error")
     page.run("document.querySelector('#findings .error').click()")
     assert page.run("editor.tools.tool") == "exit"
+    page.run("editor.store.commit(editor.store.now.with({ rooms: [] }))")
+    page.judged()
+    assert "Room (R)" in page.text("#findings .error")
+    page.run("document.querySelector('#findings .error').click()")
+    assert page.run("editor.tools.tool") == "room"
 
 
 def test_a_stair_is_drawn_piece_by_piece(page):

@@ -144,7 +144,7 @@ class Inspector {
       const button = this.button(`${one.number} ${one.kind}: ${one.text}${more}`, "", () => this.act.goToFinding(one));
       button.className = one.kind;
       if (where) button.append(node("span", where));
-      const tool = Object.keys(TOOLS).find((name) => TOOLS[name].section === one.item);  // Nothing of the kind is there.
+      const { tool } = one;
       if (tool) button.append(node("span", `draw one with the tool ${capital(tool)} (${TOOLS[tool].key.toUpperCase()}): a click here takes it`));
       else if (one.remedy) button.append(node("span", `remedy: ${one.remedy.replaceAll("\n", ", ")}`));
       item.append(button);

@@ -88,12 +88,11 @@ async function start() {
       if (next) act.goTo(next.name);
     },
 
-    goToFinding({ storey, at, ref, item }) {
+    goToFinding({ storey, at, ref, tool }) {
       if (storey && store.now.storey(storey)) act.goTo(storey);
       if (ref) act.select(ref);
       showView(false);
       if (at) view.reveal(at);
-      const tool = Object.keys(TOOLS).find((name) => TOOLS[name].section === item);
       if (tool && opened.is_drawn) tools.choose(tool);
       view.canvas.focus();
     },
@@ -242,6 +241,7 @@ async function start() {
       const [section, ...rest] = (one.item ?? "").split("."), name = rest.join("."), all = [store.now.rows(section)].flat(), index = all.findIndex((row, k) => (row.name ?? String(k)) === name);
       const ref = index < 0 ? null : { section, index }, row = ref && store.now.row(ref), line = ref && (view.lineOf(ref, row) ?? store.now.rings(ref)[0]);
       one.ref = section === "storeys" ? null : ref;
+      one.tool = Object.keys(TOOLS).find((tool) => TOOLS[tool].section === one.item) ?? (section === "storeys" && ref && !row.like && !row.file && !store.now.on(name).length ? "room" : null);  // Nothing of the kind is there.
       if (!store.now.storey(one.storey)) one.storey = row?.storey ?? row?.lower ?? (section === "storeys" ? row?.name : one.storey);
       one.at = one.place?.slice(0, 2) ?? (line && middle(line));
     }

@@ -235,13 +235,12 @@ class Tools {
     const upper = table.above(storey), rise = (upper.z ?? 0) - (table.storey(storey).z ?? 0), run = rise * STEP.going / STEP.rise, wall = (table.storey(storey).wall ?? 0) / 2;
     const at = (along, aside) => [foot[0] + along * dx - aside * dy, foot[1] + along * dy + aside * dx], box = (far, left, right) => [at(0, left), at(far, left), at(far, right), at(0, right)];
     const room = ["rooms", "storeys"].flatMap((section) => table.on(storey).filter((ref) => ref.section === section).flatMap((ref) => table.rings(ref))).find((ring) => isInside(foot, ring));
-    const own = { lower: storey, upper: upper.name, width, direction: [mm(dx), mm(dy)], ...STEP }, both = 2 * width + STAIR.gap, half = width / 2;
-    const found = [{ row: { ...own, foot }, kind: "straight", needs: box(run + width, -half, half), outline: box(run, -half, half) }];
-    const sides = room ? range(room, ([x, y]) => (y - foot[1]) * dx - (x - foot[0]) * dy) : [0, 0];
-    for (const [turn, sign] of [["left", 1], ["right", -1]]) {
-      const low = sign > 0 ? -half : half - both, aside = Math.max(sides[0] + wall - low, Math.min(0, sides[1] - wall - low - both)), outline = box(run / 2 + width, low + aside, low + aside + both);
-      found.push({ row: { ...own, foot: at(0, aside).map(mm), turn }, kind: `U-shaped, turning ${turn}`, needs: outline, outline });
-    }
+    const own = { lower: storey, upper: upper.name, width, direction: [mm(dx), mm(dy)], ...STEP }, both = 2 * width + STAIR.gap, half = width / 2, bent = run / 2 + width;
+    const sides = room ? range(room, ([x, y]) => (y - foot[1]) * dx - (x - foot[0]) * dy) : [-Infinity, Infinity];
+    const found = [["straight", {}, -half, width, run, width], ["U-shaped, turning left", { turn: "left" }, -half, both, bent, 0], ["U-shaped, turning right", { turn: "right" }, half - both, both, bent, 0]].map(([kind, turn, low, size, far, beyond]) => {
+      const aside = Math.max(sides[0] + wall - low, Math.min(0, sides[1] - wall - low - size)), left = low + aside;
+      return { kind, row: { ...own, foot: at(0, aside).map(mm), ...turn }, outline: box(far, left, left + size), needs: box(far + beyond, left, left + size) };
+    });
     const fit = found.find(({ needs }) => room && holds(room, needs));
     return { ...(fit ?? found[0]), isFit: Boolean(fit) };
   }
