@@ -65,6 +65,7 @@ SAME_WALL, LEAST_ALIKE = 0.05, 0.3
 #: Why entities are left out.
 NAMED, HIDDEN = "since it or their block is named so", "since it is off or frozen"
 UNNAMED = "since other layers have the floor"
+LOOSE = "a line of {:.2f} m encloses nothing; a larger gap may close it"
 #: Areas of rooms that are believed [m2], and units that are tried where doors are too wide or too narrow, or where
 #: lines enclose no room [m].
 ROOMS = 4.0, 2000.0
@@ -278,7 +279,7 @@ class DxfImporter(Importer):
             faces = faces_of(lines, self.gap)
             ground += faces.faces
             self._note_segments(plan, self.storey, "repaired", "gap of {:.3f} m closed (gap)", faces.closed)
-            self._note_loose_lines(plan, self.storey, faces.loose)
+            self._note_segments(plan, self.storey, "left out", LOOSE, faces.loose)
         self._add_storey(plan, self.storey, ground, self.z, lines)
 
     def _add_plans(self, plan: Plan, drawn: "list[Drawn]") -> None:
@@ -374,7 +375,7 @@ class DxfImporter(Importer):
         self._note_segments(plan, storey, "repaired", "gap of {:.3f} m in walls closed (gap)", rooms.closed)
         for where, found in (("between rooms", rooms.between), ("to the outside", rooms.openings)):
             self._note_segments(plan, storey, "found", f"opening {where} {{:.2f}} m wide", found)
-        self._note_loose_lines(plan, storey, rooms.loose)
+        self._note_segments(plan, storey, "left out", LOOSE, rooms.loose)
         for face in rooms.left_out:
             text = f"{face.area:.2f} m2 between walls, too small for a room"
             plan.note("left out", text, storey, place_of(face))
@@ -434,11 +435,6 @@ class DxfImporter(Importer):
         """Add a finding for each segment (n, 4), with its length."""
         for one, far in zip(ends, segment_lengths(ends).tolist(), strict=True):
             plan.note(kind, text.format(far), storey, place_of(one))
-
-    def _note_loose_lines(self, plan: Plan, storey: str, lines: list[BaseGeometry]) -> None:
-        for line in lines:
-            text = f"a line of {line.length:.2f} m encloses nothing; a larger gap may close it"
-            plan.note("left out", text, storey, place_of(line))
 
 
 @dataclass(frozen=True)

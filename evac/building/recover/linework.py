@@ -56,7 +56,7 @@ class Faces:
     # list of polygon [m]: enclosed faces, without those narrower than the gap, which come from lines drawn twice
     faces: list[BaseGeometry]
     closed: FloatArray  # (c, 4) float64 [m]: gaps that were closed
-    loose: list[BaseGeometry]  # list of LineString [m]: lines that enclose nothing
+    loose: FloatArray  # (l, 4) float64 [m]: lines that enclose nothing
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Rooms:
     doors: FloatArray  # (d, 4) float64 [m]: known doors with floor on both sides
     openings: FloatArray  # (o, 4) float64 [m]: openings with floor on one side only
     outer: FloatArray  # (e, 4) float64 [m]: known doors with floor on one side only
-    loose: list[BaseGeometry]  # list of LineString [m]: lines that enclose nothing, apart from the walls of the rooms
+    loose: FloatArray  # (l, 4) float64 [m]: lines that enclose nothing, apart from the walls of the rooms
     left_out: list[BaseGeometry]  # list of polygon [m]: enclosed faces that are neither rooms nor the interior of walls
 
 
@@ -84,9 +84,9 @@ def faces_of(lines: Sequence[BaseGeometry], gap: float) -> Faces:
     faces, cuts, dangles, _ = shapely.polygonize_full(pieces)
     whole = shapely.get_parts(shapely.union_all(shapely.get_parts(faces), grid_size=GRID))
     slivers = shapely.union_all([line for line in whole if line.buffer(-max(gap, LEAST_LENGTH) / 2).is_empty])
-    loose = [*shapely.get_parts(cuts), *shapely.get_parts(dangles)]
+    loose = shapely.get_coordinates([cuts, dangles]).reshape(-1, 4)
     wide = [face for face in shapely.get_parts(faces) if not slivers.covers(face.representative_point())]
-    return Faces(pieces, wide, closed, [line for line in loose if line.length > gap])
+    return Faces(pieces, wide, closed, loose[segment_lengths(loose) > gap])
 
 
 def rooms_of(
@@ -134,7 +134,8 @@ def rooms_of(
     rooms = _floor_of(closed, np.concatenate([ways, mouths]), body)
     strips = [_hull(pair) for _, pair in found if len(pair) == 2 and _with_floor(_as_lines(pair), rooms).any()]
     floor = shapely.union_all([rooms, *strips], grid_size=GRID)
-    outside = [one for one in drawn.loose if not floor.dwithin(one.interpolate(0.5, normalized=True), THICKEST_WALL)]
+    middle = shapely.points((drawn.loose[:, :2] + drawn.loose[:, 2:]) / 2)
+    outside = drawn.loose[~shapely.dwithin(middle, floor, THICKEST_WALL)]
     shared = shapely.union_all(walls[_with_floor(walls, floor).all(axis=1)])
     if not shared.is_empty:
         thick = shapely.line_merge(shared).buffer(wall / 2, cap_style="flat", join_style="mitre")
