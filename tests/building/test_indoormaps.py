@@ -193,3 +193,11 @@ def test_a_stairwell_with_doors_has_a_stair_that_turns_and_the_door_of_a_lift_is
     assert [level.kind for level in building.levels if level.stair] == ["flight", "landing", "flight"]
     assert [way.width for way in building.exits] == [pytest.approx(0.9, abs=0.01)]
     assert any("a door to a lift" in one.text for one in building.findings)
+
+
+@pytest.mark.parametrize("number", ["nan", "inf", "x", ""])
+def test_a_node_of_openstreetmap_without_a_place_is_refused_by_its_number(tmp_path, number):
+    text = f"<osm><node id='7' lon='{number}' lat='0'><tag k='entrance' v='yes'/></node></osm>"
+    (tmp_path / "a.osm").write_text(text)
+    with pytest.raises(BuildingError, match="node 7: lon"):
+        import_building([tmp_path / "a.osm"], tmp_path / "case")

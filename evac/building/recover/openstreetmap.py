@@ -1,5 +1,6 @@
 """OpenStreetMap XML (.osm) as a collection of GeoJSON features."""
 
+import math
 import xml.etree.ElementTree as Tree
 from collections.abc import Mapping
 from typing import Any
@@ -51,9 +52,11 @@ def features_of(text: str) -> dict[str, Any]:
 
 def _number(node: Tree.Element, key: str) -> float:
     try:
-        return float(node.get(key, ""))
+        if math.isfinite(number := float(node.get(key, ""))):
+            return number
     except ValueError:
-        raise ValueError(f"node {node.get('id')}: {key} is {node.get(key)!r} and no number") from None
+        pass
+    raise ValueError(f"node {node.get('id')}: {key} is {node.get(key)!r} and no number")
 
 
 def _is_area(tags: Mapping[str, str]) -> bool:
