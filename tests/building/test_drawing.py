@@ -124,3 +124,15 @@ def test_doors_beside_outlines_of_any_angle_are_exits_that_share_nothing(kind, f
         for ends in doors:  # all of a door is an exit, its own or one that it overlaps, but for less than 0.5 m
             near = shapely.union_all(lines).buffer(0.31).intersection(shapely.LineString(ends)).length
             assert near > np.hypot(*(ends[1] - ends[0])) - 0.51, seed
+
+
+def test_rooms_that_overlap_and_share_walls_are_joined():
+    """The intersections of the second room are polygons with lines beside, which meet each other."""
+    corridor = shapely.Polygon(box(0, 0, 20, 3).exterior, [box(14, 0.8, 18.5, 2.2).exterior.coords])
+    skewed = [(0, 3), (0, 10), (10, 10), (17.8, 2.2), (14, 2.2), (14, 2), (5, 3), (0, 3)]
+    plan = Plan()
+    plan.storey("floor", [corridor, skewed, box(10, 3, 20, 10)])
+    plan.exit("door", "floor", [(0, 1), (0, 2)])
+    building = plan.building()
+    assert building.levels[0].polygon.area == pytest.approx(200.0 - 4.5 * 1.4, abs=1e-6)
+    assert [finding.kind for finding in building.findings] == ["assumed"]

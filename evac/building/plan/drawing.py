@@ -19,6 +19,7 @@ from evac.building.geometry import (
     between_floors,
     common,
     cut,
+    flat_parts,
     pieces_along,
     place_of,
     rounded,
@@ -172,7 +173,7 @@ class Drawing:
         one, other = np.array(rooms)[[one[one < other], other[one < other]]]
         is_over = ~shapely.touches(one, other)
         both = shapely.intersection(one[is_over], other[is_over], grid_size=GRID)
-        if len(both) and (double := united(both)).area > LEAST_AREA:
+        if len(both) and (double := united([flat_parts(one) for one in both])).area > LEAST_AREA:
             text = f"polygons overlap on {double.area:.2f} m2 and are joined; the largest overlap is here"
             largest = max(shapely.get_parts(double), key=lambda part: part.area)
             self._find("assumed", text, name, largest, f"storeys.{name}")
