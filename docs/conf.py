@@ -40,6 +40,7 @@ nb_execution_timeout = 300
 nb_execution_in_temp = True
 
 autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True}
 autodoc_typehints = "none"
 napoleon_google_docstring = False
 napoleon_use_rtype = False

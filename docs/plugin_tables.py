@@ -4,6 +4,8 @@ import inspect
 import re
 from typing import Any
 
+from evac import conformance
+from evac.base.parameters import Configurable
 from evac.base.toml import toml_value
 from evac.contract import hooks as declared_hooks
 from evac.contract.registry import Registry
@@ -35,6 +37,16 @@ def hooks() -> str:
         if name.startswith("evac_"):
             signature = re.sub(r"'|collections\.abc\.|pathlib\.|typing\.", "", str(inspect.signature(hook)))
             rows.append(f"- `{name}{signature}`: {inspect.getdoc(hook)}")
+    return "\n".join(rows)
+
+
+def checks() -> str:
+    """Return the checks of plugins as a table in Markdown, by base class."""
+    rows = ["| base class | check | what it checks |", "|---|---|---|"]
+    for kind, check in (*conformance.IN_A_CASE[::-1], *conformance.ALONE):
+        text = (inspect.getdoc(check) or "").partition("\n")[0].removeprefix("Check that ").removesuffix(".")
+        base = "all" if kind is Configurable else f"`{kind.__name__}`"
+        rows.append(f"| {base} | `{check.__name__}` | {text} |")
     return "\n".join(rows)
 
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from case_reference import reference
-from plugin_tables import hooks, plugins
+from plugin_tables import checks, hooks, plugins
 from summary_keys import keys
 
 from evac.cli.main import COMMANDS, parser
@@ -22,12 +22,11 @@ def filled(text: str) -> str:
 
 
 def table(name: str) -> str:
-    """Return a table in Markdown: keys of a case or a summary, commands, options, hooks, or plugins of a kind."""
-    if name in ("case", "hooks"):
-        return reference() if name == "case" else hooks()
+    """Return a table in Markdown: keys of a case or a summary, commands, options, hooks, checks, or plugins."""
     if name == "commands" or name in COMMANDS:
         return options(name)
-    return keys() if name == "summary" else plugins(name)
+    made = {"case": reference, "summary": keys, "hooks": hooks, "checks": checks}
+    return made[name]() if name in made else plugins(name)
 
 
 def options(name: str) -> str:

@@ -218,7 +218,7 @@ def check_declared_arrays(behaviour: Behaviour, case: Case, ticks: int) -> None:
     crowd, routes = simulation.population.crowd, len(simulation.fields.routes)
     outside = None if simulation.outside is None else simulation.outside.arrays
     for title, time in _artificial_scenes(simulation):
-        with scene(f"{title} of {case.title}"):
+        with scene(f"{title} of {case.title}"), simulation.population.writable():
             before = {key: array.copy() for key, array in crowd.values().items() if key not in used.writes}
             with plugin_code("its method", used, DECLARE):
                 used.act(view.crowd, time)
@@ -233,12 +233,14 @@ def _artificial_scenes(simulation: Simulation) -> Iterator[tuple[str, float]]:
     crowd, end = simulation.population.crowd, simulation.case.simulation.duration
     yield "the start", 0.0
     inside = np.flatnonzero(crowd.level >= 0)
-    crowd.velocity[:], crowd.contact_force[:] = 0.0, 5000.0
+    with simulation.population.writable():
+        crowd.velocity[:], crowd.contact_force[:] = 0.0, 5000.0
     crowd.position[inside] = crowd.position[inside[0]] + 1e-3 * np.arange(len(inside))[:, None]
     crowd.level[inside] = crowd.level[inside[0]]
     yield "a crush", 0.0
     yield "a crush at the end", end
-    crowd.contact_force[:], crowd.level[inside[1:]] = 0.0, -1
+    with simulation.population.writable():
+        crowd.contact_force[:], crowd.level[inside[1:]] = 0.0, -1
     yield "the last person inside", end
 
 
@@ -248,7 +250,7 @@ def check_distance(behaviour: Behaviour, case: Case, ticks: int) -> None:
         return
     simulation, used, view = _prepared(case, behaviour.name)
     crowd, way = simulation.population.crowd, simulation.building.exits[0]
-    with scene(f"three people at an exit of {case.title}"):
+    with scene(f"three people at an exit of {case.title}"), simulation.population.writable():
         assert simulation.outside is not None
         outside, depth = simulation.outside.arrays, np.array([-0.4, 0.2, 0.8])
         begin, end = way.segments[0].reshape(2, 2)

@@ -139,7 +139,7 @@ def check_collision(model: ContactModel) -> None:
 
 
 def check_crowd(model: ContactModel) -> None:
-    """Check the overlaps of people pressed against a wall; coordinates and order do not matter, nor who remembers."""
+    """Check that people pressed against a wall overlap as promised, in any coordinates and order, whoever remembers."""
     with scene(f"{PRESSED}"):
         crowds, engine = walk(model, NINE_PEOPLE, 120, WALLS)
         stated, seen = engine.report()["greatest_overlap"], max(crowd.overlap.max() for crowd in crowds)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from evac.simulation.simulation import Simulation
 
 #: Version of the plugin interface. A plugin's module states the one that it was written for as ``evac_interface``;
-#: docs/plugins_versions.md lists what changed in each.
+#: docs/changelog.md lists what changed in each.
 INTERFACE = 3
 
 #: The behaviour with which people keep distances in the cases that evac writes, and which the output of a run names.

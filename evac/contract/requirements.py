@@ -58,7 +58,7 @@ def check_interface(module: ModuleType, plugin: str) -> None:
     wrong = f"was written for version {stated!r} of the plugin interface, this evac has version {own}"
     if stated is None:
         wrong = "does not state for which version of the plugin interface it was written"
-    remedy = "see docs/plugins_versions.md for what changed, adapt the plugin, and then write"
+    remedy = "see docs/changelog.md for what changed, adapt the plugin, and then write"
     remedy += f" `evac_interface = {own}` in the module"
     raise fault(f"plugin {plugin}", wrong, remedy, module, "evac_interface")
 

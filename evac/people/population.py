@@ -40,8 +40,9 @@ ROUNDING = 1e-6
 #: Distance from the building within which a saved position must lie [m].
 BEYOND = 10.0
 
-#: Arrays of the crowd that are heeded if they are written between two ticks.
+#: Arrays of the crowd that are heeded if others than their owners write them between ticks, and before the first one.
 HEEDED = ("start_time", "speed", "route")
+INITIAL = (*HEEDED, "position", "velocity", "level", "radius", "contact_radius", "height", "mass", "tau", "group")
 
 #: Allowed ranges of the drawn quantities; smaller masses and relaxation times make the models overflow.
 BOUNDS = {
@@ -100,30 +101,33 @@ class Population(Saved):
         self.staying = np.zeros(0, np.int32) if staying is None else staying
         self._building, self._n_portals, self._routes = building, len(building.portals), routes
         self._log: list[tuple[IntArray, IntArray, FloatArray]] = []
-        self._computed = [array for name, array in crowd.values().items() if name not in HEEDED]
-        self.is_read_only, self.has_begun, self._is_writable = False, False, False
+        self._protected: list[NDArray[Any]] = []
+        self.is_read_only, self._is_writable = False, False
         self.reserve: BoolArray = np.zeros(len(crowd.level), np.bool_)
         self._reserves = {source.name: source for source in self.sources if np.isinf(source.due).any()}
         for source in self._reserves.values():
             self.reserve[source.rows] = True
 
+    def protect(self, heeded: Sequence[str] = HEEDED) -> None:
+        """Make the arrays read-only that would not be heeded if others than their owners wrote them."""
+        self._protected = [array for name, array in self.crowd.values().items() if name not in heeded]
+        for array in self._protected:
+            array.flags.writeable = self._is_writable
+
     @contextmanager
     def writable(self) -> Iterator[None]:
-        """Let the arrays be written by their owners, unless recorders read them; afterwards they are read-only.
-
-        Others may write those of `HEEDED` at any time, and all before the run has begun.
-        """
-        if self.is_read_only or self._is_writable or not self.has_begun:
+        """Let the arrays be written by their owners, unless recorders read them; afterwards they are read-only."""
+        if self.is_read_only or self._is_writable:
             yield
             return
         self._is_writable = True
-        for array in self._computed:
+        for array in self._protected:
             array.flags.writeable = True
         try:
             yield
         finally:
             self._is_writable = False
-            for array in self._computed:
+            for array in self._protected:
                 array.flags.writeable = False
 
     def check_written(self, routes: int) -> None:

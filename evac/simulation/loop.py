@@ -41,7 +41,7 @@ class Loop:
         self._end, self._is_output = 0, False
         record = partial(simulation.recording.record, simulation)
         self.operations = [
-            Operation("changes", "behaviours", self._change),
+            Operation("changes", "behaviours", self._change, begin=simulation.population.protect),
             Operation("directions", "directions", self._find_ways, self._is_way_to_find),
             Operation("behaviours", "behaviours", self._decide),
             Operation("physics", "physics", self._move),
@@ -56,7 +56,6 @@ class Loop:
 
     def begin(self) -> None:
         """Begin the operations that have not begun."""
-        self._simulation.population.has_begun = True
         with self._simulation.population.writable():
             for operation in self.operations:
                 if operation.begin is not None:

@@ -28,6 +28,7 @@ from evac.directions.routes import Route
 from evac.jit.loading import Compiling, addresses_of
 from evac.people.groups import check_people
 from evac.people.outside import PeopleOutside
+from evac.people.population import INITIAL
 from evac.people.starts import with_numbers
 from evac.people.unusual import unusual
 from evac.people.ways import cut_off, without_way
@@ -205,6 +206,8 @@ class Simulation(Saved):
         self.plan = needed.explain(self, forces, behaviours)
         self.registry.call_all("evac_prepare", simulation=self)
         self.findings = self._found_at_start()
+        self.population.protect(INITIAL)
+        self.displacement_velocity.flags.writeable = False
 
     @property
     def dose(self) -> FloatArray | None:
@@ -449,10 +452,11 @@ class Simulation(Saved):
         with self.phases.enter("kernels"):
             self.engine.load(self.contact)
         self.displacement_velocity.flags.writeable = True  # between ticks, it is not
-        self.population.has_begun = True
+        self.population.protect()
         with self.population.writable():
             super().restore(state)
             self.scene.keep_doorway_open()
+        self.displacement_velocity.flags.writeable = False
         settings, contact = self.case.simulation, self.contact
         if self.step % settings.steps_per_tick and self.step < settings.last_step:
             raise SavedError(f"step: {self.step} is not at the end of a tick")

@@ -49,7 +49,8 @@ def test_a_cloud_that_moves_through_a_car_park_is_read_by_each_person_when_it_pa
     simulation = Simulation(car_park(path, smoke={"routes": False, "sampling": 0.1}))
     exposure, met = simulation.exposure, np.full(3, np.nan)
     for _ in range(300):
-        simulation.exposure.act(simulation.time, simulation.fields)
+        with simulation.population.writable():
+            simulation.exposure.act(simulation.time, simulation.fields)
         now = 2.0 * np.exp(-((simulation.population.crowd.position[:, 0] - 2.0 * simulation.time) ** 2))
         np.testing.assert_allclose(exposure.share, np.maximum(0.1, 1.0 - 0.057 / 0.706 * now))
         met = np.where(np.isnan(met) & (now > 1.99), simulation.time, met)

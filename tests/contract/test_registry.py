@@ -227,8 +227,8 @@ def test_a_broken_plugin_is_refused_by_name(tmp_path, text, words):
 @pytest.mark.parametrize(
     ("stated", "words"),
     [
-        ("", ["does not state", "plugins_versions.md", f"evac_interface = {INTERFACE}"]),
-        ("evac_interface = 1", ["version 1", f"version {INTERFACE}", "plugins_versions.md"]),
+        ("", ["does not state", "changelog.md", f"evac_interface = {INTERFACE}"]),
+        ("evac_interface = 1", ["version 1", f"version {INTERFACE}", "changelog.md"]),
         (f"evac_interface = {INTERFACE + 1}", [f"version {INTERFACE + 1}", f"version {INTERFACE}", "adapt"]),
     ],
 )
