@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, counted
@@ -160,6 +159,8 @@ class Together(Behaviour):
 
     def _holds_up(self, crowd: Crowd, time: float, rows: IntArray, remaining: FloatArray) -> NDArray[np.bool_]:
         """Return behind which of those who would wait others are close who do not get on."""
+        from scipy.spatial import cKDTree
+
         waits = np.zeros(len(crowd.level), np.bool_)
         waits[rows] = True
         unit = np.full(len(crowd.level), -1)

@@ -100,7 +100,11 @@ def test_a_lift_is_a_room_for_each_stop_from_bottom_to_top_whose_doors_are_close
     given = evac.read_building(tmp_path / "house.plan.toml", lifts={"A": {"discharge": "first", "wait": 0.0}})
     own = given.lifts[0]
     assert (own.operation.speed, own.discharge, own.start) == (2.5, 1, 1)
-    assert {jump.start for jump in given.jumps} == {"A ground", "A second"}
+    assert {(jump.start, jump.end) for jump in given.jumps} == {
+        (f"A {start}", f"A {end}")
+        for first in ("ground", "second")
+        for start, end in ((first, "first"), ("first", first))
+    }
     assert own.delay(2) == pytest.approx(3.0 + 0.5 + Motion(3.5, 2.5, 0.8, 1.0).duration + 2.0)
 
 

@@ -51,7 +51,7 @@ JOURNEYS = {
         "directions": {"spacing": 0.2},
         "event": [
             {"time": 2.0, "kind": "close", "target": "back"},
-            {"name": "some", "when": {"out": 3}, "kind": "slow", "target": "room", "value": 0.7},
+            {"name": "some", "when": {"out": 1}, "kind": "slow", "target": "room", "value": 0.7},
             {"when": {"event": "some", "after": 4.0}, "kind": "open", "target": "back"},
             {"time": 3.0, "kind": "one_way", "target": "south", "value": "down"},
             {"time": 3.5, "kind": "one_way", "target": "inner", "value": "yard"},

@@ -199,9 +199,9 @@ def answer_of(run):
     changed = {one["what"]: one["kind"] for one in run.summary["changes"] if one["kind"] in ("close", "open")}
     for way in sorted(run.building["exits"], key=lambda one: -len(run.exit_times(one["name"]))):
         out = run.exit_times(way["name"])
-        flow = steady(out)
+        flow, who = steady(out), "person" if len(out) == 1 else "people"
         exits.append(
-            f"Exit {way['name']!r}{' (closed)' * (changed.get(way['name']) == 'close')}: {len(out)} people"
+            f"Exit {way['name']!r}{' (closed)' * (changed.get(way['name']) == 'close')}: {len(out)} {who}"
             + (f" by {out[-1]:.2f} s" if out else "")
             + (f", middle fifths {flow:.2f}/s ({flow / way['width']:.2f}/s/m)" if flow else "")
         )
