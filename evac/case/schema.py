@@ -92,7 +92,7 @@ class QuickestSettings(Table):
         ge=0.1,
         le=5,
     )
-    memory: Real = key("time over which densities are averaged", "s", 4.0, ge=0, le=60)
+    memory: Real = key("time over which densities and queues are averaged", "s", 4.0, ge=0, le=60)
     hesitation: Real = key(
         "time that the way to another exit must save before people change to it, at least 5 % of the remaining time",
         "s",

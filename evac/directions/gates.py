@@ -3,13 +3,13 @@
 A law of the density alone takes the crowd before a door for too fast, since people stand wherever there is room but
 leave through the door one after another. The crowd on the way to each of these gates is therefore counted by its
 walking time to it, and advances no faster than the gate is passed. Those who are still on their way are in the count,
-so that people do not turn to an exit that others will have reached before them. Counts are not averaged over time, as
-densities are: they are those of a whole queue, and would only be late.
+so that people do not turn to an exit that others will have reached before them.
 """
 
 import numpy as np
 
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.saved import Bounds, Saved
 from evac.directions.march.waves import find_queues
 from evac.directions.raster.grids import BuildingGrids
 
@@ -21,11 +21,14 @@ THROUGH_DOORS, ON_STAIRS = 1.85, 1.0
 STEP, BINS = 1.0, 300
 
 
-class Gates:
+class Gates(Saved):
     """Gates of a building: its links, by their numbers. A node is on the line of the gate `at` (nodes,), -1 for none.
 
-    `queues` (gates, BINS) are the relative speeds of people on the way to each gate, by their walking time to it.
+    `people` (gates, BINS) are on the way to each gate, by their walking time to it, averaged over time; `queues`
+    (gates, BINS) are the relative speeds that follow.
     """
+
+    saved = ("people",)
 
     def __init__(self, grids: BuildingGrids) -> None:
         building = grids.building
@@ -43,11 +46,16 @@ class Gates:
                     self.at[grid.nodes_near(door.segments, reach)] = building.link_of(door)
             for index, (ours, _) in grid.seams.items():
                 self.at[ours] = index
-        self.queues = np.ones((len(width), BINS))
+        self.people, self.queues = np.zeros((len(width), BINS)), np.ones((len(width), BINS))
 
-    def count(self, gate: IntArray, walk: FloatArray) -> None:
-        """Count people (n,) on the way to gates (-1: none), `walk` [s] away, and find the queues that follow."""
+    def bounds(self) -> dict[str, Bounds]:
+        """Return that numbers of people are 0 or more."""
+        return {"people": Bounds(0.0, np.inf)}
+
+    def count(self, gate: IntArray, walk: FloatArray, gain: float) -> None:
+        """Count people (n,) on the way to gates (-1: none), `walk` [s] away, with a weight beside those before."""
         step = (walk / STEP).astype(np.int64)
         queueing = (gate >= 0) & (step < BINS)
-        people = np.bincount(gate[queueing] * BINS + step[queueing], minlength=self.queues.size)
-        find_queues(people.astype(np.float64).reshape(self.queues.shape), self._capacity, STEP, self.queues)
+        now = np.bincount(gate[queueing] * BINS + step[queueing], minlength=self.people.size)
+        self.people += gain * (now.reshape(self.people.shape) - self.people)
+        find_queues(self.people, self._capacity, STEP, self.queues)

@@ -44,7 +44,7 @@ class Quickest(Saved):
     empty building.
     """
 
-    saved = ("_density", "_counts", "_is_solved", "columns")
+    saved = ("_density", "_counts", "_is_solved", "_gates", "columns")
 
     def __init__(self, fields: Fields, settings: Settings, before: "Quickest | None" = None) -> None:
         self.fields, self.clear = fields.with_own_directions(), fields
@@ -70,7 +70,7 @@ class Quickest(Saved):
         self._counts = np.zeros(2, np.int64)  # updates, levels solved
         if before is not None:
             self._density = at_nodes_of(grids, before._density, before._grids)
-            self._counts = before._counts
+            self._counts, self._gates.people = before._counts, before._gates.people
 
     def is_due(self, tick: int, length: float) -> bool:
         """Return whether an update is due at a tick of this length [s]: each period, and when links have changed."""
@@ -94,7 +94,7 @@ class Quickest(Saved):
         nodes = self._kernels.nodes_at(level, position)
         gain = gain_of(self._settings.period, self._settings.memory) if self._counts[0] else 1.0
         crowded = self._kernels.average(self._density, level, position, gain)
-        self._count_at_gates(nodes[inside], columns[inside])
+        self._count_at_gates(nodes[inside], columns[inside], gain)
         for number, column in self.columns.items():
             rows = (columns == number) & inside
             changed = column.leave_out_empty(nodes[rows])
@@ -113,7 +113,7 @@ class Quickest(Saved):
         """Return the bounds of densities and counts."""
         return dict.fromkeys(("_density", "_counts", "_is_solved"), Bounds(0, np.inf))
 
-    def _count_at_gates(self, nodes: IndexArray, columns: IntArray) -> None:
+    def _count_at_gates(self, nodes: IndexArray, columns: IntArray, gain: float) -> None:
         """Count people at nodes on their way to gates. Those with other strategies walk as in the empty building."""
         gate, walk = np.full(len(nodes), -1, np.int32), np.zeros(len(nodes))
         for number in np.unique(columns).tolist():
@@ -125,4 +125,4 @@ class Quickest(Saved):
                 self._ways[number] = waves.gate, waves.walk
             rows = columns == number
             gate[rows], walk[rows] = (values[nodes[rows]] for values in self._ways[number])
-        self._gates.count(gate, walk)
+        self._gates.count(gate, walk, gain)

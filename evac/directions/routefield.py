@@ -283,7 +283,7 @@ class RouteField(Saved):
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of the arrays of the waves."""
         links, any_time = Bounds(-1, self._grids.building.n_links - 1), Bounds(-np.inf, np.inf)
-        gates, sides = Bounds(-1, len(self._gates.queues) - 1), Bounds(0, 1)
+        gates, sides = Bounds(-1, len(self._gates.people) - 1), Bounds(0, 1)
         bounds = {
             "jump_time": any_time,
             "time": any_time,

@@ -14,21 +14,22 @@ def gates(hall):
 
 
 def test_a_gate_is_passed_at_its_flow(gates):
-    gates.count(np.zeros(74, np.int32), np.full(74, 0.5))
+    gates.count(np.zeros(74, np.int32), np.full(74, 0.5), 1.0)
     assert gates.queues[0, 0] == pytest.approx(STEP * THROUGH_DOORS / 74)
     assert (gates.queues[0, 1:] == 1.0).all()
     assert (gates.queues[1] == 1.0).all()
 
 
 def test_whoever_arrives_after_the_queue_does_not_wait(gates):
-    gates.count(np.zeros(3, np.int32), np.array([0.5, 0.5, 20.5]))
+    gates.count(np.zeros(3, np.int32), np.array([0.5, 0.5, 20.5]), 1.0)
     assert gates.queues[0, 0] == pytest.approx(STEP * THROUGH_DOORS / 2)
     assert (gates.queues[0, 1:] == 1.0).all()
 
 
-def test_only_people_on_the_way_and_not_far_away_queue(gates):
-    gates.count(np.zeros(9, np.int32), np.full(9, 4.5))
-    gates.count(np.array([1, 1, -1, 1], np.int32), np.array([4.5, 4.5, 4.5, BINS * STEP]))
-    expected = np.ones((len(gates.queues), BINS))
-    expected[1, 4] = STEP * THROUGH_DOORS / 2
-    np.testing.assert_allclose(gates.queues, expected)
+def test_counts_are_averaged_and_leave_out_who_is_on_no_way_or_far_away(gates):
+    for gain in (1.0, 0.25):
+        gates.count(np.array([1, -1, 1], np.int32), np.array([4.5, 4.5, BINS * STEP]), gain)
+    assert gates.people[1, 4] == pytest.approx(1.0)
+    assert gates.people.sum() == pytest.approx(1.0)
+    gates.count(np.zeros(0, np.int32), np.zeros(0), 0.25)
+    assert gates.people[1, 4] == pytest.approx(0.75)
