@@ -1,4 +1,4 @@
-"""Importer of IFC files (extra evac[ifc]): spaces, slabs, walls, columns, doors and stairs by their geometry."""
+"""Importer of IFC files (extra evac[ifc]): spaces, slabs, walls, columns, doors, stairs and lifts by their geometry."""
 
 import re
 from collections import Counter
@@ -45,6 +45,7 @@ CLASSES = {
     "IfcSystemFurnitureElement": "furniture",
     "IfcSanitaryTerminal": "furniture",
     "IfcFlowTerminal": "furniture",
+    "IfcTransportElement": "lift",
 }
 #: Kinds of bodies without which a building is incomplete.
 NEEDED = ("space", "slab", "door", "stair", "landing")
@@ -52,7 +53,7 @@ NEEDED = ("space", "slab", "door", "stair", "landing")
 #: greatest thickness [m].
 PROXY, LEAST_SLAB, THICKEST_SLAB = "IfcBuildingElementProxy", 4.0, 0.6
 #: Why elements of other classes are left out.
-UNUSED = {"IfcTransportElement": "draw lifts in the plan, and let stairs move", PROXY: "their class tells nothing"}
+UNUSED = {"IfcTransportElement": "it is no lift; let stairs move", PROXY: "their class tells nothing"}
 #: The whole and its parts of a relation.
 AGGREGATES = re.compile(rb"=\s*IFCRELAGGREGATES\s*\([^;]*?#(\d+)\s*,\s*\(([#\d,\s]*)\)\s*\)\s*;")
 #: The opening and the door or window of a relation; names between quotes cannot hold a reference at the end.
@@ -69,7 +70,7 @@ FARTHEST = 1e8
 
 
 class IfcImporter(Importer):
-    """IFC (.ifc), 2x3 and later: floors of spaces and slabs, doors, exits and stairs by their geometry."""
+    """IFC (.ifc), 2x3 and later: floors of spaces and slabs, doors, exits, stairs and lifts by their geometry."""
 
     name = "ifc"
     suffixes = (".ifc",)
@@ -197,6 +198,9 @@ def _proxies(read: "Products", kinds: set[str], are_slabs: bool, findings: list[
 def _kind(element: Mapping[str, Any]) -> str | None:
     """Return the kind of body of an element; None if it is not used."""
     kind = CLASSES.get(element["ifc_type"])
+    if kind == "lift":
+        what = [_attribute(element, name) for name in ("PredefinedType", "OperationType")]  # of IFC 2x3
+        return kind if "ELEVATOR" in what else None
     if kind == "slab":
         predefined = _attribute(element, "PredefinedType")
         name = _text(element["name"]).lower() + _text(element["object_type"]).lower()

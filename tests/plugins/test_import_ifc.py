@@ -546,3 +546,22 @@ def test_a_void_in_a_slab_is_no_ground(tmp_path):
     assert sum(level.polygon.area for level in upper) == pytest.approx(59.0 - 4.0, rel=1e-3)
     (void,) = [one for one in plan_of(path).findings if one.kind == "left out"]
     assert (void.level, 6 < void.place[0] < 8) == ("L1", True)
+
+
+@pytest.mark.parametrize("tail", [",.ELEVATOR.", ",.ESCALATOR."])
+def test_a_lift_is_read_with_the_stops_that_doors_lead_to_and_does_not_run_until_the_case_says_so(tmp_path, tail):
+    ifc = house(IfcFile(), storeys=2)
+    for z in (0.0, 3.0):
+        ifc.opening((10.2, 2.5, z), (10.4, 3.5, z + 2.1), door="landing door")
+    ifc.box("IFCTRANSPORTELEMENT", "A", (10.7, 2.0, 0.0), (12.3, 4.0, 2.3), tail=tail)
+    path = ifc.write(tmp_path / "a.ifc")
+    building = building_of(path)
+    if "ESC" in tail:
+        assert not building.lifts
+        return
+    (lift,) = building.lifts
+    assert (lift.name, lift.storeys, lift.heights) == ("A", ("L0", "L1"), (0.0, 3.0))
+    assert not lift.operation.service
+    assert building.levels[lift.rooms[0]].polygon.area == pytest.approx(1.6 * 2.0)
+    assert [round(sum(building.portals[door].width for door in doors), 2) for doors in lift.doors] == [1.0, 1.0]
+    assert not building.for_ways.is_open(building.portals[lift.doors[1][0]])

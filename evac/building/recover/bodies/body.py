@@ -24,7 +24,8 @@ NOTCH = 2.5e-3
 class Body:
     """A solid as a triangle mesh."""
 
-    # space, slab, roof, wall, column, opening, door, window, stair, landing or furniture; openings are holes in walls
+    # space, slab, roof, wall, column, opening, door, window, stair, landing, furniture or lift; openings are holes in
+    # walls
     kind: str
     name: str  # name in the file
     points: FloatArray  # (v, 3) float64 [m]

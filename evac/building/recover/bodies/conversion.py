@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.base.defaults import HEADROOM
+from evac.base.defaults import DOOR_REACH, HEADROOM
 from evac.base.errors import BuildingError
 from evac.building.geometry import common, cut, flat_parts, place_of, united
 from evac.building.model.findings import Finding, and_more, grouped, numbered
@@ -229,7 +229,8 @@ def plan_of_bodies(
         )
     walls = [body for body in bodies if body.kind == "wall"]
     hulls = {floor.name: _hull(floor, floors, walls) for floor in floors}
-    _leave_out_lifts(floors, passages, findings)
+    lifts = [body for body in bodies if body.kind == "lift"]
+    _leave_out_lifts(floors, passages, lifts, findings)
     ways = doorways_of(passages, floors, hulls, findings)
     passable = [way.ground for way in ways]
     for floor in floors:
@@ -253,12 +254,16 @@ def plan_of_bodies(
         plan.note("found", f"{floor.ground.area:.2f} m2 at {floor.z:.2f} m{slab}", floor.name)
     for stair in stairs:
         stair.add_to(plan)
-    _add_doors(plan, ways, rules)
+    _add_lifts(plan, lifts, passages, floors)
+    _add_doors(plan, [way for way in ways if way.sides == 2 or not _is_of_lift(plan, way)], rules)
     return plan
 
 
-def _leave_out_lifts(floors: Sequence[Floor], passages: Sequence[Body], findings: list[Finding]) -> None:
-    """Take lifts from the ground of floors: small parts with doors that are all named as those of lifts."""
+def _leave_out_lifts(
+    floors: Sequence[Floor], passages: Sequence[Body], lifts: Sequence[Body], findings: list[Finding]
+) -> None:
+    """Take lifts from the ground of floors: small parts around cars, or with doors all named as those of lifts."""
+    cars = [body.shadow() for body in lifts]
     for floor in floors:
         near = [body for body in passages if abs(body.z_min - floor.z) <= SILL]
         parts = shapely.get_parts(floor.ground)
@@ -267,10 +272,54 @@ def _leave_out_lifts(floors: Sequence[Floor], passages: Sequence[Body], findings
         part, door = shapely.STRtree(shadows).query(small, predicate="dwithin", distance=BEHIND)
         is_lift = np.array([bool(LIFT.search(body.name)) for body in near], dtype=bool)
         for k in np.unique(part).tolist():
-            if is_lift[door[part == k]].all():
-                text = f"{small[k].area:.2f} m2, a lift by the names of its doors"
+            is_car = shapely.dwithin(small[k], cars, 0.0).any()
+            if is_car or is_lift[door[part == k]].all():
+                why = "the shaft of a lift" if is_car else "a lift by the names of its doors"
+                text = f"{small[k].area:.2f} m2, {why}"
                 findings.append(Finding("left out", text, floor.name, place_of(small[k])))
                 floor.ground = cut(floor.ground, small[k])
+
+
+def _add_lifts(plan: Plan, lifts: Sequence[Body], passages: Sequence[Body], floors: Sequence[Floor]) -> None:
+    """Add the lifts with doors on at least two floors, which do not run until a case says so."""
+    names = set[str]()
+    for body in lifts:
+        stops, doors, car = list[str](), list[FloatArray](), body.rectangle()
+        is_new = not any(common(other.polygon, body.shadow()).area > 0.0 for other in plan.lifts)
+        for floor in sorted(floors, key=lambda one: one.z) if car is not None and is_new else ():
+            near = [door for door in passages if abs(door.z_min - floor.z) <= SILL]
+            own = [line for door in near if (line := _lift_door(car, door, floor)) is not None]
+            stops += [floor.name] if own else []
+            doors += [line for line in own if all(np.abs(line - other).max() > SILL for other in doors)]
+        if len(stops) < 2:
+            text = f"{body.name!r}, a lift, has doors on {len(stops)} floors; draw it in the plan"
+            plan.note("left out", text, None, body.place, element="lift")
+            continue
+        name = numbered(body.name, names)
+        names.add(name)
+        plan.lift(name, stops, np.round(car, 3), doors, operation={"service": False})
+        text = f"lift {name!r} stops at {', '.join(stops)}; it runs if the case says service = true"
+        plan.note("assumed", text, stops[0], body.place)
+
+
+def _is_of_lift(plan: Plan, way: Doorway) -> bool:
+    """Return whether a door leads to a car of a lift alone."""
+    line, near = shapely.linestrings(way.segment), [one for one in plan.lifts if way.floor.name in one.storeys]
+    return any(shapely.dwithin(line, lift.polygon, DOOR_REACH) for lift in near)
+
+
+def _lift_door(car: FloatArray, door: Body, floor: Floor) -> FloatArray | None:
+    """Return the part (2, 2) of the outline of a car (4, 2) that is a door to a floor [m]; None if it is none."""
+    sides = np.round(np.stack([car, np.roll(car, -1, axis=0)], axis=1), 3)
+    away = shapely.distance(shapely.linestrings(sides), door.shadow().centroid)
+    (start, end), length = sides[away.argmin()], float(np.hypot(*np.subtract(*sides[away.argmin()])))
+    along = (end - start) / length
+    at = np.clip((shapely.get_coordinates(door.shadow()) - start) @ along, 0.0, length)
+    line = start + np.outer([at.min(), at.max()], along)
+    if away.min() > DOOR_REACH or np.ptp(at) < NARROWEST:
+        return None
+    out = normal(line) * np.sign(normal(line) @ (start - car.mean(axis=0)))
+    return None if strips(floor.ground, line, out[None], DOOR_REACH)[0] is None else line
 
 
 def _without_pits(
