@@ -286,12 +286,14 @@ def _add_lifts(plan: Plan, lifts: Sequence[Body], passages: Sequence[Body], floo
     for body in lifts:
         stops, doors, car = list[str](), list[FloatArray](), body.rectangle()
         is_new = not any(common(other.polygon, body.shadow()).area > 0.0 for other in plan.lifts)
-        for floor in sorted(floors, key=lambda one: one.z) if car is not None and is_new else ():
+        for floor in sorted(floors, key=lambda one: one.z):
+            if car is None or not is_new:
+                break
             near = [door for door in passages if abs(door.z_min - floor.z) <= SILL]
             own = [line for door in near if (line := _lift_door(car, door, floor)) is not None]
             stops += [floor.name] if own else []
             doors += [line for line in own if all(np.abs(line - other).max() > SILL for other in doors)]
-        if len(stops) < 2:
+        if car is None or len(stops) < 2:
             text = f"{body.name!r}, a lift, has doors on {len(stops)} floors; draw it in the plan"
             plan.note("left out", text, None, body.place, element="lift")
             continue
