@@ -1,5 +1,6 @@
 """Types of the keys of case.toml, its tables, and faults that name a key and how to fix it."""
 
+import re
 import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -40,6 +41,9 @@ LONGEST_EXAMPLE = 80
 
 #: Greatest number of faults that are collected for a case.
 MOST_FAULTS = 1_000
+
+#: Name of a branch of a union, a number or a list, in the location of an error of pydantic.
+BRANCH = re.compile(r"constrained-\w+|(tuple|function-\w+)\[.*\]")
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Field(strict=True)]
@@ -162,11 +166,28 @@ class Fault:
 
 def faults_of(error: ValidationError, root: type[Table]) -> list[Fault]:
     """Convert the errors of pydantic for a table to faults in the terms of case.toml."""
-    details_of = error.errors(include_url=False, include_context=True)
+    details_of = _of_one_branch(error.errors(include_url=False, include_context=True))
     parents = {other["loc"][:length] for other in details_of for length in range(len(other["loc"]))}
     # A list is also reported as too short if items of it are not valid.
     own = [each for each in details_of[:MOST_FAULTS] if each["type"] != "too_short" or each["loc"] not in parents]
     return [_fault(details, root) for details in own]
+
+
+def _of_one_branch(details_of: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Return errors without those of the branch of a union, a number or a list, for which a value is not meant."""
+    found: dict[Key, list[ErrorDetails]] = {}
+    for details in details_of:
+        key = details["loc"]
+        at = next((k for k, part in enumerate(key) if BRANCH.fullmatch(str(part))), len(key))
+        of_another_kind = at == len(key) - 1 and details["type"].endswith("_type")
+        details["loc"] = key[:at] + key[at + 1 :]
+        others = found.setdefault(key[:at], [])
+        if of_another_kind and others:
+            continue
+        if at < len(key) and others and others[0]["loc"] == key[:at] and others[0]["type"].endswith("_type"):
+            others.clear()
+        others.append(details)
+    return [details for own in found.values() for details in own]
 
 
 def _fault(details: ErrorDetails, root: type[Table]) -> Fault:

@@ -312,3 +312,20 @@ def test_a_key_that_a_program_gives_as_none_is_written_as_one_not_given(tmp_path
     evac.load(given).write(tmp_path / "case.toml")
     assert "inf" not in (tmp_path / "case.toml").read_text()
     assert evac.load(tmp_path).to_dict() == evac.load(given).to_dict()
+
+
+@pytest.mark.parametrize(
+    ("keys", "places"),
+    [
+        ({"values": {"co": 2e6}}, ["values.co"]),
+        ({"values": {"co": float("nan"), "o2": [1.0, "x"]}}, ["values.co", "values.o2.1"]),
+        ({"values": {"co": 1.0}, "level": 5}, ["level"]),
+        ({"values": {"co": 1.0}, "level": [5, "g", 6]}, ["level.0", "level.2"]),
+    ],
+)
+def test_a_value_that_may_be_one_or_a_list_has_one_fault_with_its_key(keys, places):
+    case = evac.load("square_room")
+    with pytest.raises(ScenarioError) as caught:
+        case.change({"conditions": [{"source": "prescribed", **keys}]})
+    told = [line.split("conditions.0.")[1].split(":")[0] for line in str(caught.value).splitlines()]
+    assert told == places
