@@ -136,11 +136,15 @@ class DxfImporter(Importer):
             plan.note("left out", text, element=f"layer {layer!r}", number=number)
         if not shapes:
             raise BuildingError(f"{path}: {_no_floor(document)}")
-        unit = self._metres(plan, document, shapes)
+        arcs = [shape for shape in shapes if shape.is_curve and shape.use != "stairs"]
+        arcs = [shape for shape in arcs if shape.use == "doors"] or arcs
+        swings = [swing for shape in arcs if (swing := swing_of(_corners(shape, 0.0))) is not None]
+        radii = np.array([swing.radius for swing in swings])
+        unit = self._metres(plan, document, shapes, radii)
         try:
             return self._planned(plan, document, shapes, unit, has_floor, left_out)
         except NothingEnclosedError:
-            for other in DOUBTED if not self.unit else ():
+            for other in () if self.unit or unit_of(radii, [unit]) else DOUBTED:
                 again = Plan(path)
                 again.findings = [one for one in plan.findings if not one.text.startswith("1 unit is")]
                 with suppress(ValueError, BuildingError):
@@ -244,8 +248,8 @@ class DxfImporter(Importer):
                 return use
         return ""
 
-    def _metres(self, plan: Plan, document: Any, shapes: "list[Shape]") -> float:
-        """Return the metres per unit: as declared in the drawing, or as doors have it, or a more plausible value."""
+    def _metres(self, plan: Plan, document: Any, shapes: "list[Shape]", radii: FloatArray) -> float:
+        """Return the metres per unit: as declared, or as radii of doors have it, or a more plausible value."""
         if self.unit:
             return float(self.unit)
         points = np.concatenate([shape.frame for shape in shapes])
@@ -257,13 +261,10 @@ class DxfImporter(Importer):
         unit = said if factor is None else said * factor
         if SMALLEST <= extent <= LARGEST and factor is not None:
             unit = 1.0
-        arcs = [shape for shape in shapes if shape.is_curve and shape.use != "stairs"]
-        arcs = [shape for shape in arcs if shape.use == "doors"] or arcs
-        swings = [swing for shape in arcs if (swing := swing_of(_corners(shape, 0.0))) is not None]
-        by_doors = unit_of(np.array([swing.radius for swing in swings]), [unit, *DOUBTED]) if swings else None
+        by_doors = unit_of(radii, [unit, *DOUBTED])
         if by_doors is not None and by_doors != unit:
             unit = by_doors
-            radius = float(np.median([swing.radius for swing in swings]))
+            radius = float(np.median(radii))
             measure += f"; doors of {radius:.4g} units are then {radius * unit:.2f} m wide"
         kind = "found" if name and unit == said else "assumed"
         says = f"the unit in the file is {name}" if name else "the file has no unit"

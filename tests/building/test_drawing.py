@@ -126,6 +126,28 @@ def test_doors_beside_outlines_of_any_angle_are_exits_that_share_nothing(kind, f
             assert near > np.hypot(*(ends[1] - ends[0])) - 0.51, seed
 
 
+def test_an_exit_given_as_a_polygon_in_another_is_left_out():
+    plan = Plan()
+    plan.storey("floor", box(0, 0, 10, 6))
+    plan.exit("wide", "floor", polygon=box(9.7, 2, 10.3, 4))
+    plan.exit("same", "floor", polygon=box(9.8, 2.5, 10.2, 3.5))
+    plan.exit("beside", "floor", polygon=box(9.85, 3.6, 10.2, 4.2))  # of which 0.2 m are beside the other
+    building = plan.building()
+    assert [way.name for way in building.exits] == ["wide"]
+    told = [(one.kind, one.item, one.remedy) for one in building.findings if one.item]
+    assert sorted(told) == [("assumed", f"exits.{name}", "remove it") for name in ("beside", "same")]
+
+
+def test_the_polygon_of_an_exit_almost_on_the_outline_is_at_it():
+    """The rim of floor behind it ends 1e-6 m beside a corner of the polygon."""
+    outline = [(6.8159, 363.0359), (12.9869, 363.7838), (21.4223, 363.1601), (20.3816, 347.9866), (2.4809, 352.4114)]
+    polygon = [(18.8948, 363.3283), (18.8919, 363.2884), (17.0989, 363.421), (17.1018, 363.4609)]
+    plan = Plan()
+    plan.storey("floor", outline)
+    plan.exit("out", "floor", polygon=polygon)
+    assert [way.width for way in plan.building().exits] == [pytest.approx(1.8, abs=0.15)]
+
+
 def test_rooms_that_overlap_and_share_walls_are_joined():
     """The intersections of the second room are polygons with lines beside, which meet each other."""
     corridor = shapely.Polygon(box(0, 0, 20, 3).exterior, [box(14, 0.8, 18.5, 2.2).exterior.coords])

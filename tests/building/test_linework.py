@@ -62,6 +62,17 @@ def test_rooms_and_doors_are_the_same_at_any_angle(seed):
             assert np.hypot(*(ends[2:] - ends[:2])) == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("off", [-0.15, -0.008, 0.0, 0.1, 0.2, 0.35])
+def test_a_door_drawn_beside_its_wall_is_the_interruption_of_the_wall(off):
+    walls = box(0, 0, 10, 6).difference(shapely.union_all([box(0.2, 0.2, 9.8, 5.8), box(4, -0.1, 5, 0.3)]))
+    single = LineString([(4, 0), (0, 0), (0, 6), (10, 6), (10, 0), (5, 0)])
+    for lines, area in ((outlines(walls), 9.6 * 5.6), ([single], 60.0)):
+        found = rooms_of(lines, 0.1, 2.5, 0.1, [[4.0, 0.2 - off, 5.0, 0.2 - off]])
+        assert found.floor.area == pytest.approx(area, abs=0.21)
+        (door,) = [*found.outer, *found.openings]
+        np.testing.assert_allclose(sorted(door[::2]), [4.0, 5.0], atol=1e-3)
+
+
 def test_what_is_wider_than_a_door_is_none():
     assert rooms_of(SINGLE, gap=0.1, door=0.9, wall=0.1).floor.area == 0.0
 

@@ -480,10 +480,15 @@ class Drawing:
         if segment is None:
             (ground,) = item.polygons
             pieces = [piece for side in sides(ground).reshape(-1, 2, 2) for piece in _on_outline(floor, side)]
-            if not pieces:
-                raise ValueError(f"its polygon shares no edge with the floor of storey {item.storey!r}; move it there")
-            own = np.unique(pieces, axis=0)
+            own = np.unique(np.reshape(pieces, (-1, 4)), axis=0)
             wide = segment_lengths(own)
+            others = [one.polygons for one in self.exits if one is not item and one.storey == item.storey]
+            if wide.sum() < NARROWEST and cut(ground, united(sum(others, ()))).area < ground.area - LEAST_AREA:
+                text = f"exit {item.name!r} is left out: other exits have all but {wide.sum():.2f} m of it"
+                self._find("assumed", text, item.storey, ground, key_of("exits", item), "remove it")
+                return
+            if not len(own):
+                raise ValueError(f"its polygon shares no edge with the floor of storey {item.storey!r}; move it there")
             if wide[between_floors(floor, own, DOOR_REACH)].sum() > 0.5 * wide.sum():
                 text = (
                     f"exit {item.name!r} has floor on both its sides, which both count for its width of "
@@ -635,4 +640,4 @@ def _reaching(outside: BaseGeometry, floor: BaseGeometry) -> BaseGeometry:
     near = outside.buffer(SNAP, join_style="mitre").buffer(LEAST_LENGTH)
     narrow = [part for part in shapely.get_parts(cut(rest, wide)) if near.covers(part)]
     touching = [part for part in narrow if part.distance(outside) < LEAST_LENGTH]
-    return united([outside, *touching]) if touching else outside
+    return shapely.remove_repeated_points(united([outside, *touching]), LEAST_LENGTH) if touching else outside

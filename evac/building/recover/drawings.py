@@ -314,8 +314,10 @@ def swing_of(curve: FloatArray) -> Swing | None:
 
 def unit_of(radii: FloatArray, units: Sequence[float]) -> float | None:
     """Return the first unit with which the radii of most arcs are those of doors; None if there is none."""
+    if not len(radii):
+        return None
     fits = [float(np.mean((radii * unit > RADII[0]) & (radii * unit < RADII[1]))) for unit in units]
-    return units[int(np.argmax(fits))] if fits and max(fits) >= 0.5 else None
+    return units[int(np.argmax(fits))] if max(fits) >= 0.5 else None
 
 
 def doors_of(

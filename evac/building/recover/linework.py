@@ -113,9 +113,9 @@ def rooms_of(
     body = shapely.union_all([*solids], grid_size=GRID)
     drawn = faces_of(lines, gap)
     walls = _noded([*drawn.pieces, *_end_faces(drawn.pieces)])
-    known = np.asarray(doors, dtype=np.float64).reshape(-1, 4)
-    across = reaching(known, walls)
     found = _door_lines(walls, gap, door)
+    known = _into_walls(np.asarray(doors, dtype=np.float64).reshape(-1, 4), walls, [middle for middle, _ in found])
+    across = reaching(known, walls)
     found = [one for one in found if not _is_at(_as_lines(across), shapely.LineString(one[0].reshape(2, 2)))]
     ends = shapely.get_coordinates([*panes]).reshape(-1, 4)
     is_long = segment_lengths(ends) > THICKEST_WALL
@@ -202,6 +202,16 @@ def reaching(doors: FloatArray, walls: Sequence[BaseGeometry] | Lines) -> FloatA
     return np.array(found).reshape(-1, 4)
 
 
+def _into_walls(doors: FloatArray, walls: Lines, found: Sequence[FloatArray]) -> FloatArray:
+    """Return doors (k, 4), of which those drawn beside an interruption (4,) of a wall are moved into it."""
+    moved = doors.copy()
+    for row, (door, reached) in enumerate(zip(_as_lines(doors), _as_lines(reaching(doors, walls)), strict=True)):
+        near = [ends for ends in found if _is_at([door], shapely.LineString(ends.reshape(2, 2)))]
+        if near and not _joining(shapely.get_coordinates(reached).reshape(1, 4), walls, NODING):
+            moved[row] = min(near, key=lambda ends: door.distance(shapely.Point((ends[:2] + ends[2:]) / 2)))
+    return moved
+
+
 def _end_faces(pieces: Lines) -> list[BaseGeometry]:
     """Return the end faces of walls whose two sides end beside each other without one."""
     if not len(pieces):
@@ -229,10 +239,10 @@ def _is_at(places: Sequence[BaseGeometry], line: BaseGeometry) -> bool:
     )
 
 
-def _joining(ends: FloatArray, walls: Lines) -> list[BaseGeometry]:
-    """Return those of some lines (k, 4) that end at walls on both sides."""
+def _joining(ends: FloatArray, walls: Lines, distance: float = BESIDE) -> list[BaseGeometry]:
+    """Return those of some lines (k, 4) that end at walls on both sides, at most a distance [m] away."""
     points = shapely.points(ends.reshape(-1, 2))
-    near = shapely.STRtree(walls).query(points, predicate="dwithin", distance=BESIDE)[0]
+    near = shapely.STRtree(walls).query(points, predicate="dwithin", distance=distance)[0]
     return _as_lines(ends[np.isin(np.arange(len(points)), near).reshape(-1, 2).all(axis=1)])
 
 
