@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
-from evac.analysis.maps import KERNEL_RADIUS, SPACING, Grid
+from evac.analysis.cells import Densities, Grid
+from evac.analysis.maps import KERNEL_RADIUS, SPACING
 from evac.analysis.measures import records
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
@@ -72,29 +72,30 @@ def find_congestion(
     --------
     >>> find_congestion(evac.read_trajectory("school-result"), 4.0, 10.0).places  # doctest: +SKIP
     """
-    watched = Exceedance(trajectory, density, spacing)
+    watched = Exceedance(trajectory, density)
+    for level in trajectory.building.levels:
+        watched.watch(level, Grid(level, spacing, KERNEL_RADIUS), trajectory.time)
     for part in records(trajectory):
-        for level, here in part.by_level():
-            for frames, densities in watched.grids[level].densities(here.frame, here.position):
-                watched.add(level, frames, densities)
+        for index, here in part.by_level():
+            watched.levels[index].add(here.frame, here.position)
     return watched.congestion(least_time)
 
 
 class Exceedance:
-    """Where densities exceed a threshold: `add` may watch the densities of `evac.analysis.maps.level_maps`."""
+    """Where densities exceed a threshold: `watch` is for `evac.analysis.maps.level_maps` of all levels and times."""
 
-    def __init__(self, trajectory: Trajectory, density: float = DENSITY, spacing: float = SPACING) -> None:
+    def __init__(self, trajectory: Trajectory, density: float = DENSITY) -> None:
         if not 0.0 < density < math.inf:
             raise ResultError(f"the density of congestion must be greater than 0, got {density!r}")
         if not len(trajectory):
             raise ResultError(f"{trajectory.path}: no frame was recorded; the run ended before its first output")
         self._building, self._density, self._time = trajectory.building, density, trajectory.time
-        self.grids = [Grid(level, spacing, KERNEL_RADIUS) for level in self._building.levels]
-        self._levels = [_Exceeding(grid, density, trajectory.time) for grid in self.grids]
+        self.levels: dict[int, Densities] = {}
 
-    def add(self, level: int, frames: NDArray[np.int64], densities: FloatArray) -> None:
-        """Add the densities (f, ny, nx) [1/m2] of a level at recorded times (f,), in order."""
-        self._levels[level].add(frames, densities)
+    def watch(self, level: Level, grid: Grid, time: FloatArray) -> Densities:
+        """Return the densities of a level at recorded times (f,) [s], which are watched."""
+        self.levels[level.index] = Densities(grid, time, self._density)
+        return self.levels[level.index]
 
     def congestion(self, least_time: float | None = None) -> Congestion:
         """Return the places that were congested for longer than a time [s]; see `find_congestion`."""
@@ -102,62 +103,38 @@ class Exceedance:
             raise ResultError(f"the time of congestion must be at least 0, got {least_time!r}")
         if least_time is None:
             least_time = SHARE * float(self._time[-1] - self._time[0])
-        both = list(zip(self._building.levels, self._levels, strict=True))
-        places = [place for level, exceeding in both for place in exceeding.places(self._building, level, least_time)]
+        places = [place for level in self._building.levels for place in self._places(level, least_time)]
         return Congestion(
             density=self._density,
             least_time=least_time,
             places=tuple(sorted(places, key=lambda place: -place.duration)),
-            longest=max(float(exceeding.total.max()) for exceeding in self._levels),
-            greatest_density=max(float(exceeding.greatest.max()) for exceeding in self._levels),
+            longest=max(float(densities.total.max()) for densities in self.levels.values()),
+            greatest_density=max(float(densities.greatest.max()) for densities in self.levels.values()),
         )
 
-
-class _Exceeding:
-    """Times for which the density in each cell of a level exceeded the threshold."""
-
-    def __init__(self, grid: Grid, density: float, time: FloatArray) -> None:
-        self._grid, self._density = grid, density
-        self._time, self._end = time, np.append(time[1:], time[-1])  # a recorded time represents that until the next
-        self.total, self._spell, self._longest, self.greatest = np.zeros((4, *grid.shape))
-        self._first, self._last = np.full((2, *grid.shape), np.nan)
-        self._before = -1  # number of the last time at which the threshold was exceeded
-
-    def add(self, frames: NDArray[np.int64], densities: FloatArray) -> None:
-        np.maximum(self.greatest, densities.max(axis=0), out=self.greatest)
-        for row in np.flatnonzero((densities > self._density).any(axis=(1, 2))).tolist():
-            k, cells = int(frames[row]), np.flatnonzero(densities[row] > self._density)
-            span = self._end[k] - self._time[k]
-            self.total.flat[cells] += span
-            spell = span + (self._spell.flat[cells] if k == self._before + 1 else 0.0)
-            self._before = k
-            self._spell[:] = 0.0
-            self._spell.flat[cells] = spell
-            self._longest.flat[cells] = np.maximum(self._longest.flat[cells], spell)
-            self._first.flat[cells[np.isnan(self._first.flat[cells])]] = self._time[k]
-            self._last.flat[cells] = self._end[k]
-
-    def places(self, building: Building, level: Level, least_time: float) -> Iterator[CongestedPlace]:
+    def _places(self, level: Level, least_time: float) -> Iterator[CongestedPlace]:
         """Yield the connected places in which the threshold was exceeded for longer than the least time."""
         from scipy.ndimage import label
 
-        parts, count = label(self.total > least_time, np.ones((3, 3)))
+        own = self.levels[level.index]
+        grid, total = own.grid, own.total.reshape(own.grid.shape)
+        parts, count = label(total > least_time, np.ones((3, 3)))
         for part in range(1, count + 1):
-            inside = parts == part
-            duration = float(self.total[inside].max())
-            row, column = np.nonzero(inside & (self.total == duration))
-            centre = self._grid.origin + self._grid.spacing * (np.array([column.mean(), row.mean()]) + 0.5)
+            inside = np.flatnonzero(parts == part)
+            duration = float(own.total[inside].max())
+            row, column = np.nonzero((parts == part) & (total == duration))
+            centre = grid.origin + grid.spacing * (np.array([column.mean(), row.mean()]) + 0.5)
             yield CongestedPlace(
                 level=level.title,
-                near=_nearest(building, level, centre),
+                near=_nearest(self._building, level, centre),
                 x=float(centre[0]),
                 y=float(centre[1]),
-                area=float(inside.sum()) * self._grid.spacing**2,
-                density=float(self.greatest[inside].max()),
-                start=float(np.nanmin(self._first[inside])),
-                end=float(np.nanmax(self._last[inside])),
+                area=len(inside) * grid.spacing**2,
+                density=float(own.greatest[inside].max()),
+                start=float(own.time[own.first[inside].min()]),
+                end=float(own.end[own.last[inside].max()]),
                 duration=duration,
-                longest_spell=float(self._longest[inside].max()),
+                longest_spell=float(own.longest[inside].max()),
             )
 
 

@@ -1,129 +1,20 @@
 """Maps of a run on a grid of square cells of each level, with densities by a Gaussian kernel."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
+from evac.analysis.cells import MOST_COVERED, Covered, Densities, Grid, add_bodies
 from evac.analysis.measures import FORCE_SPAN, Records, records
-from evac.base.arrays import FloatArray, IntArray
+from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Level
-from evac.building.model.cells import Cells
 from evac.conditions.law import WAITING_SPEED
 from evac.trajectory.trajectory import Trajectory
-
-#: Least side of a cell [m], greatest number of cells of a level, and greatest radius of the kernel [cells].
-LEAST_SPACING, MOST_CELLS, MOST_KERNEL = 0.01, 10_000_000, 500
-
-#: Where the kernel ends, in standard deviations.
-TRUNCATED = 3.5
-
-#: Number of cells whose densities are computed together.
-MOST_TOGETHER = 200_000
-
-
-class Grid(Cells):
-    """Square cells over one level, with sides of `spacing` [m], and the kernel exp(-r^2 / R^2) / (pi R^2).
-
-    Cells whose centre is on the floor are used: `on_floor` (ny, nx).
-    """
-
-    def __init__(self, level: Level, spacing: float, kernel_radius: float) -> None:
-        _check(level, spacing, kernel_radius)
-        super().__init__(level, spacing)
-        self._deviation = kernel_radius / math.sqrt(2.0) / spacing  # of the kernel, in cells
-        self.on_floor: NDArray[np.bool_] = shapely.contains_xy(level.polygon, *self.centres())
-        # Share of the kernel around each cell that lies on the floor.
-        self._kept = np.maximum(self._smooth(self.on_floor.astype(np.float64)), 0.05)
-
-    def gathered(self, position: FloatArray, *values: FloatArray) -> FloatArray:
-        """Return sum_i values_i / k_i of the points in each cell, (v, ny, nx), for `smoothed`; 1 gives a density."""
-        cell = self.cell(position)
-        kept = self._kept.ravel()[cell]
-        return np.array([np.bincount(cell, value / kept, minlength=self._kept.size) for value in values]).reshape(
-            -1, *self.shape
-        )
-
-    def smoothed(self, gathered: FloatArray) -> FloatArray:
-        """Return sum_i values_i K(x - x_i) / k_i [unit of the values / m2] in every cell, (..., ny, nx); 0 off it."""
-        return np.where(self.on_floor, self._smooth(gathered) / self.spacing**2, 0.0)
-
-    def densities(
-        self, frame: NDArray[np.int64], position: FloatArray
-    ) -> Iterator[tuple[NDArray[np.int64], FloatArray]]:
-        """Yield numbers (f,) of recorded times at which somebody is there, and the densities (f, ny, nx) [1/m2] then.
-
-        `frame` (s,): number of the recorded time of each point, ascending; `position` (s, 2) [m].
-        """
-        frames, cell = np.unique(frame), self.cell(position)
-        weight = 1.0 / self._kept.ravel()[cell]
-        reach, together = math.ceil(TRUNCATED * self._deviation) + 1, max(1, MOST_TOGETHER // self._kept.size)
-        for start in range(0, len(frames), together):
-            some = frames[start : start + together]
-            first, end = np.searchsorted(frame, [some[0], some[-1] + 1])
-            row, column = np.divmod(cell[first:end], self.shape[1])
-            # The densities of all other cells are zero.
-            low_y, low_x = max(0, int(row.min()) - reach), max(0, int(column.min()) - reach)
-            around = np.s_[low_y : int(row.max()) + reach + 1, low_x : int(column.max()) + reach + 1]
-            shape = len(some), *self.on_floor[around].shape
-            where = np.ravel_multi_index((np.searchsorted(some, frame[first:end]), row - low_y, column - low_x), shape)
-            gathered = np.bincount(where, weight[first:end], minlength=math.prod(shape)).reshape(shape)
-            densities = np.zeros((len(some), *self.shape))
-            smooth = self._smooth(gathered.astype(np.float64, copy=False)) / self.spacing**2
-            densities[:, *around] = np.where(self.on_floor[around], smooth, 0.0)
-            yield some, densities
-
-    def density_at(self, position: FloatArray) -> FloatArray:
-        """Return the density of people at points (s, 2) in the cell of each of them, (s,) [1/m2]."""
-        (gathered,) = self.gathered(position, np.ones(len(position)))
-        density: FloatArray = self._smooth(gathered) / self.spacing**2
-        return density.ravel()[self.cell(position)]  # a cell that is cut by a wall may be off the floor
-
-    def covered(self, position: FloatArray, radius: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return pairs of bodies and covered cells of the floor: rows of `position`, and numbers of cells.
-
-        A body covers the cells whose centres are within its `radius` (s,), and the cell that contains its centre.
-        """
-        ny, nx = self.shape
-        # The centre of the k-th neighbour of a cell is no nearer than k - 1/2 cells.
-        reach = math.floor(float(radius.max(initial=0.0)) / self.spacing + 0.5)
-        steps = np.arange(-reach, reach + 1)
-        own = np.floor((position - self.origin) / self.spacing).astype(np.int64)
-        column = own[:, :1] + np.repeat(steps[None], steps.size, axis=0).ravel()
-        row = own[:, 1:] + np.repeat(steps, steps.size)
-        dx = self.origin[0] + self.spacing * (column + 0.5) - position[:, :1]
-        dy = self.origin[1] + self.spacing * (row + 0.5) - position[:, 1:]
-        within = (dx**2 + dy**2 <= radius[:, None] ** 2) | ((row == own[:, 1:]) & (column == own[:, :1]))
-        within &= (row >= 0) & (row < ny) & (column >= 0) & (column < nx)
-        which = np.flatnonzero(within)
-        cell = row.ravel().take(which) * nx + column.ravel().take(which)
-        there = np.flatnonzero(self.on_floor.ravel().take(cell))
-        return which.take(there) // len(steps) ** 2, cell.take(there)
-
-    def _smooth(self, values: FloatArray) -> FloatArray:
-        from scipy.ndimage import gaussian_filter
-
-        deviation = [0.0] * (values.ndim - 2) + [self._deviation] * 2
-        smooth: FloatArray = gaussian_filter(values, deviation, mode="constant", truncate=TRUNCATED)
-        return smooth
-
-
-def _check(level: Level, spacing: float, kernel_radius: float) -> None:
-    low_x, low_y, high_x, high_y = level.polygon.bounds
-    least = max(LEAST_SPACING, math.sqrt((high_x - low_x) * (high_y - low_y) / MOST_CELLS))
-    if not spacing >= least:
-        what = f"cells of {spacing:g} m are too small or too many for level {level.name!r}"
-        raise ResultError(f"spacing: {what}; use {least:.2g} m or more")
-    most = MOST_KERNEL * spacing
-    if not 0.0 < kernel_radius <= most:
-        what = f"must be greater than 0 and at most {most:g} m with cells of {spacing:g} m"
-        raise ResultError(f"kernel_radius: {what}, got {kernel_radius:g} m")
-
 
 #: Distance of grid points [m].
 SPACING = 0.2
@@ -133,10 +24,6 @@ KERNEL_RADIUS = 0.7
 
 #: Least kernel density, averaged over time, for a mean speed [1/m2].
 FEWEST = 1e-3
-
-
-#: Gets the densities of a level at recorded times.
-Watch = Callable[[int, NDArray[np.int64], FloatArray], None]
 
 
 class Quantity(NamedTuple):
@@ -272,7 +159,7 @@ def level_maps(
     waiting_speed: float = WAITING_SPEED,
     start: float | None = None,
     end: float | None = None,
-    watch: Watch | None = None,
+    watch: Callable[[Level, Grid, FloatArray], Densities] | None = None,
 ) -> Mapping[str, LevelMaps]:
     """Compute the maps of levels.
 
@@ -291,7 +178,8 @@ def level_maps(
         Use only the recorded times from `start` to `end`. With a single recorded time, maps of density, speed and flow
         are those at that time.
     watch : callable, optional
-        Gets the index of a level, numbers of recorded times (f,) and the densities then, (f, ny, nx) [1/m2].
+        Gets a level, its grid and the recorded times, and returns the `Densities` to which people are added; see
+        `evac.analysis.congestion.Exceedance`.
 
     Examples
     --------
@@ -309,9 +197,12 @@ def level_maps(
         recorded = f"{trajectory.time[0]:g} to {trajectory.time[-1]:g} s" if len(trajectory) else "nothing"
         raise ResultError(f"{trajectory.path}: no frame between {first:g} and {last:g} s; recorded: {recorded}")
     time = trajectory.time[rows]
+    grids = [Grid(level, spacing, kernel_radius) for level in chosen]
     sums = {
-        level.index: _Sums(Grid(level, spacing, kernel_radius), level, time, trajectory.radius, watch)
-        for level in chosen
+        level.index: _Sums(
+            level, Densities(grid, time) if watch is None else watch(level, grid, time), trajectory.radius
+        )
+        for level, grid in zip(chosen, grids, strict=True)
     }
     for part in records(trajectory, rows.astype(np.int32), waiting_speed):
         for index, here in part.by_level():
@@ -338,16 +229,25 @@ def _distinct(values: NDArray[np.int64]) -> NDArray[np.int64]:
 class _Sums:
     """Sums over the recorded times for the maps of one level."""
 
-    def __init__(self, grid: Grid, level: Level, time: FloatArray, radius: FloatArray, watch: Watch | None) -> None:
+    def __init__(self, level: Level, densities: Densities, radius: FloatArray) -> None:
         self.level = level
-        self._grid, self._time, self._radius, self._watch = grid, time, radius, watch
-        self._share = _shares(time)
+        grid = densities.grid
+        self._grid, self._time, self._radius, self._densities = grid, densities.time, radius, densities
+        self._share = _shares(self._time)
         # All except the greatest density are linear in people, and are smoothed once at the end: density, that of
         # people who have started and their speed, flow along x and y, waiting.
         self._linear = np.zeros((6, *grid.shape))
-        self._max_density = np.zeros(grid.shape)
-        self._last = np.full(grid.on_floor.size, -np.inf)
-        self._pressure = np.zeros(grid.on_floor.size)
+        self._covered = Covered(
+            cells=grid.shape[1],
+            spacing=grid.spacing,
+            origin=grid.origin,
+            on_floor=grid.on_floor.ravel().view(np.uint8),
+            last=np.full(grid.on_floor.size, -np.inf),
+            pressure=np.zeros(grid.on_floor.size),
+            visitor=np.full(grid.on_floor.size, -1, np.int32),
+            visits=np.zeros(0, np.int64),
+            number=0,
+        )
         self._visits = np.zeros(0, np.int64)  # sorted person * cells + cell of all visits
         self._new_visits: list[NDArray[np.int64]] = []
         self._new = 0  # number of visits that are not merged
@@ -358,44 +258,38 @@ class _Sums:
         walking = share * here.started
         flow = share * here.velocity.T
         self._linear += self._grid.gathered(here.position, share, walking, walking * here.speed, *flow, here.waits)
-        for frames, densities in self._grid.densities(here.frame, here.position):
-            np.maximum(self._max_density, densities.max(axis=0), out=self._max_density)
-            if self._watch is not None:
-                self._watch(self.level.index, frames, densities)
-        body, cell = self._grid.covered(here.position, self._radius[here.person])
-        pressure = here.contact_force / (2.0 * np.pi * self._radius[here.person])
-        np.maximum.at(self._pressure, cell, pressure[body])
-        time = np.append(self._time[:-1], np.inf)[here.frame]
-        self._visit(here.person[body], cell, time[body])
-        self._add_ways(here)
+        self._densities.add(here.frame, here.position)
+        self._add_bodies(here)
 
-    def _add_ways(self, here: Records) -> None:
-        """Add the cells that bodies covered between recorded times, in equal parts of at most a cell."""
-        rows = np.flatnonzero(here.target == here.level)
-        if not rows.size:
-            return
-        frame, person, start = here.frame[rows], here.person[rows], here.position.take(rows, 0)
-        way = here.after.take(rows, 0) - start
+    def _add_bodies(self, here: Records) -> None:
+        """Add the cells that bodies cover, also between recorded times, in equal parts of at most a cell."""
+        radius, spacing = self._radius[here.person], self._grid.spacing
+        way = np.where((here.target == here.level)[:, None], here.after - here.position, 0.0)
         longest = np.zeros(len(self._time))
-        np.maximum.at(longest, frame, np.linalg.norm(way, axis=1))
-        parts = np.ceil(longest / self._grid.spacing)[frame]
-        span = np.diff(self._time, append=np.inf)[frame]
-        for part in range(1, int(parts.max())):
-            moves = np.flatnonzero(parts > part)
-            share = part / parts[moves]
-            body, cell = self._grid.covered(
-                start.take(moves, 0) + share[:, None] * way.take(moves, 0), self._radius[person[moves]]
-            )
-            time = self._time[frame[moves]] + share * span[moves]
-            self._visit(person[moves][body], cell, time[body])
-
-    def _visit(self, person: IntArray, cell: NDArray[np.int64], time: FloatArray) -> None:
-        """Record that people cover cells at times."""
-        np.maximum.at(self._last, cell, time)
-        self._new_visits.append(_distinct(person * np.int64(self._last.size) + cell))
-        self._new += len(self._new_visits[-1])
-        if self._new > max(1_000_000, len(self._visits)):  # limits how often all visits are sorted
-            self._merge_visits()
+        np.maximum.at(longest, here.frame, np.linalg.norm(way, axis=1))
+        parts = np.where(here.target == here.level, np.ceil(longest / spacing)[here.frame], 0.0).astype(np.int64)
+        time, span = np.append(self._time[:-1], np.inf)[here.frame], np.diff(self._time, append=np.inf)[here.frame]
+        columns = (
+            here.person,
+            radius,
+            here.contact_force / (2.0 * np.pi * radius),
+            here.position,
+            way,
+            time,
+            span,
+            parts,
+        )
+        reach, covered = int(radius.max() / spacing + 0.5), self._covered
+        together = max(1, MOST_COVERED // (max(1, int(parts.max())) * (2 * reach + 1) ** 2))
+        for first in range(0, len(radius), together):
+            some = [np.ascontiguousarray(column[first : first + together]) for column in columns]
+            covered.visits = np.empty(len(some[0]) * max(1, int(parts.max())) * (2 * reach + 1) ** 2, np.int64)
+            covered.number = 0
+            add_bodies(covered, *some)
+            self._new_visits.append(covered.visits[: covered.number].copy())
+            self._new += covered.number
+            if self._new > max(MOST_COVERED, len(self._visits)):  # limits how often all visits are sorted
+                self._merge_visits()
 
     def _merge_visits(self) -> None:
         self._visits = _distinct(np.concatenate([self._visits, *self._new_visits]))
@@ -405,11 +299,12 @@ class _Sums:
         """Return the maps after all people have been added."""
         self._merge_visits()
         grid = self._grid
-        usage = np.bincount(self._visits % self._last.size, minlength=self._last.size).reshape(grid.shape)
+        cells = grid.on_floor.size
+        usage = np.bincount(self._visits % cells, minlength=cells).reshape(grid.shape)
         density, started, speeds, flow_x, flow_y, waiting = grid.smoothed(self._linear)
         speed = np.full(grid.shape, np.nan)
         np.divide(speeds, started, out=speed, where=started > FEWEST)
-        last = np.where(self._last == -np.inf, np.nan, self._last).reshape(grid.shape)
+        last = np.where(self._covered.last == -np.inf, np.nan, self._covered.last).reshape(grid.shape)
 
         def on_floor(values: FloatArray) -> FloatArray:
             return np.where(grid.on_floor, values, np.nan)
@@ -422,11 +317,11 @@ class _Sums:
             start=float(self._time[0]),
             end=float(self._time[-1]),
             density=on_floor(density),
-            max_density=on_floor(self._max_density),
+            max_density=on_floor(self._densities.greatest.reshape(grid.shape)),
             speed=on_floor(speed),
             flow=on_floor(np.hypot(flow_x, flow_y)),
             waiting=on_floor(waiting),
             time_to_clear=on_floor(last),
-            contact_pressure=on_floor(self._pressure.reshape(grid.shape)),
+            contact_pressure=on_floor(self._covered.pressure.reshape(grid.shape)),
             usage=on_floor(usage.astype(np.float64)),
         )

@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,13 +12,13 @@ from evac.base.arrays import FloatArray, IntArray, pairs_of
 from evac.base.phases import told
 from evac.building.model.elevation import gradients, in_space
 from evac.conditions.law import WAITING_SPEED
-from evac.trajectory.trajectory import Trajectory
+from evac.trajectory.trajectory import Rows, Trajectory
 
 #: Contact forces, which vary from step to step, are means over the recorded times of this interval [s].
 FORCE_SPAN = 1.0
 
 #: Number of rows of `Records` above which they are passed on.
-MOST_ROWS = 50_000
+MOST_ROWS = 100_000
 
 
 class Measures(NamedTuple):
@@ -107,23 +107,42 @@ def records(
     """
     measuring = Measuring(trajectory.number_of_people, waiting_speed)
     chosen = trajectory.rows if frames is None else [trajectory.rows[k] for k in frames.tolist()]
-    gradient, parts, count = gradients(trajectory.building), list[Records](), 0
+    first, count = 0, 0
     for number, now in enumerate(told("measuring", chosen, len(chosen))):
-        person, level, motion = now.person.astype(np.int32), now.level.astype(np.int32), now.motion.astype(np.float64)
-        speed = np.linalg.norm(in_space(gradient, level, motion[:, 2:4]), axis=1)
-        after, target = np.full((len(person), 2), np.nan), np.full(len(person), -1, np.int32)
-        if number + 1 < len(chosen):
-            later = chosen[number + 1]
-            _, here, there = np.intersect1d(person, later.person, assume_unique=True, return_indices=True)
-            place = later.motion.take(there, 0)[:, :2].astype(np.float64) + trajectory.origin
-            pairs_of(after)[here] = pairs_of(place)
-            target[here] = later.level[there]
-        measures = measuring.add(now.time, person, speed, now.started, motion[:, 4])
-        frame, place = np.full(len(person), number), motion[:, :2] + trajectory.origin
-        parts.append(Records(frame, person, level, place, after, target, motion[:, 2:4], *measures))
-        count += len(person)
-        if count > MOST_ROWS:
-            yield joined(parts)
-            parts, count = [], 0
-    if parts:
-        yield joined(parts)
+        count += len(now.person)
+        if count > MOST_ROWS or number + 1 == len(chosen):
+            yield _measured(trajectory, measuring, chosen[first : number + 2], range(first, number + 1))
+            first, count = number + 1, 0
+
+
+def _measured(trajectory: Trajectory, measuring: Measuring, rows: Sequence[Rows], frames: range) -> Records:
+    """Return the records of the people at some times, which come first in the rows of these times and the next one."""
+    person, level = (
+        np.concatenate([getattr(now, name) for now in rows]).astype(np.int32) for name in ("person", "level")
+    )
+    motion, started = (
+        np.concatenate([now.motion for now in rows]).astype(np.float64),
+        np.concatenate([now.started for now in rows]),
+    )
+    speed = np.linalg.norm(in_space(gradients(trajectory.building), level, motion[:, 2:4]), axis=1)
+    position, ends = motion[:, :2] + trajectory.origin, np.cumsum([0, *(len(now.person) for now in rows), 0])
+    row_of, next_row, measures = np.full(trajectory.number_of_people, -1), np.full(len(person), -1), list[Measures]()
+    for k in reversed(range(len(rows))):
+        here = slice(ends[k], ends[k + 1])
+        later = row_of[person[here]]
+        next_row[here] = np.where(later < ends[k + 2], later, -1)
+        row_of[person[here]] = np.arange(here.start, here.stop)
+    for k in range(len(frames)):
+        here = slice(ends[k], ends[k + 1])
+        measures.append(measuring.add(rows[k].time, person[here], speed[here], started[here], motion[here, 4]))
+    now = slice(ends[len(frames)])
+    after, target, stays = (
+        np.full((now.stop, 2), np.nan),
+        np.full(now.stop, -1, np.int32),
+        np.flatnonzero(next_row[now] >= 0),
+    )
+    pairs_of(after)[stays] = pairs_of(position)[next_row[stays]]
+    target[stays] = level[next_row[stays]]
+    frame = np.repeat(frames, np.diff(ends)[: len(frames)])
+    columns = map(np.concatenate, zip(*measures, strict=True))
+    return Records(frame, person[now], level[now], position[now], after, target, motion[now, 2:4], *columns)

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.analysis.maps import KERNEL_RADIUS, QUANTITIES, SPACING, Grid
+from evac.analysis.cells import Grid
+from evac.analysis.maps import KERNEL_RADIUS, QUANTITIES, SPACING
 from evac.analysis.measures import Measuring
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError, in_order

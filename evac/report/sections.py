@@ -329,7 +329,7 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
     if least_time is None:
         least_time = SHARE * (run.last_out if run.is_complete and run.last_out else run.time)
     watched = Exceedance(trajectory, places.density)
-    maps = level_maps(trajectory, watch=watched.add)
+    maps = level_maps(trajectory, watch=watched.watch)
     congestion = watched.congestion(least_time)
     queues = run.queues
     pictures = figures.map_pictures(trajectory, places.maps, maps, run.flows, places.service)

@@ -34,8 +34,8 @@ def maps_of(results: "Results") -> tuple[list[dict[str, Any]], list[dict[str, An
     trajectory, rows = results.trajectory, list[dict[str, Any]]()
     if trajectory is None or not len(trajectory):
         return [], []
-    watched, margins = Exceedance(trajectory, spacing=SPACING), least_margins(results.margins, trajectory)
-    for level in level_maps(trajectory, spacing=SPACING, watch=watched.add).values():
+    watched, margins = Exceedance(trajectory), least_margins(results.margins, trajectory)
+    for level in level_maps(trajectory, spacing=SPACING, watch=watched.watch).values():
         least, here = np.full(level.density.size, np.nan), [of for of in margins if of.level.index == level.index]
         if here:
             cells = Cells(trajectory.building.levels[level.index], SPACING)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from shapely.geometry import Polygon, box
 
-from evac.analysis.maps import QUANTITIES, Grid, level_maps
+from evac.analysis.cells import Densities, Grid
+from evac.analysis.maps import QUANTITIES, level_maps
 from evac.trajectory.trajectory import read_trajectory
 
 R = 0.5
@@ -116,21 +117,20 @@ def test_outside_the_floor_is_nan_and_rows_rise_with_y(descent):
     assert not np.isnan(flight.density)[2:-2, 2:-2].any()
 
 
-def test_densities_are_those_of_the_whole_floor():
+def test_the_greatest_density_is_that_of_the_smoothed_floor_at_any_time():
     grid = Grid(SimpleNamespace(polygon=box(0.0, 0.0, 30.0, 12.0)), 0.2, 0.7)
     frame, position = np.array([0, 0, 3]), np.array([[7.1, 0.1], [7.9, 2.0], [8.4, 11.9]])
-    ((frames, densities),) = grid.densities(frame, position)
-    assert frames.tolist() == [0, 3]
-    for number, found in zip(frames, densities, strict=True):
-        here = position[frame == number]
-        np.testing.assert_array_equal(found, grid.smoothed(grid.gathered(here, np.ones(len(here))))[0])
+    densities = Densities(grid, np.arange(4.0))
+    densities.add(frame, position)
+    single = [
+        grid.smoothed(grid.gathered(here, np.ones(len(here))))[0]
+        for here in (position[frame == 0], position[frame == 3])
+    ]
+    np.testing.assert_allclose(densities.greatest, np.maximum(*single).ravel(), rtol=1e-12)
 
 
 def test_holes_are_not_floor():
     floor = Polygon(box(0.0, 0.0, 4.0, 4.0).exterior, [box(1.0, 1.0, 3.0, 3.0).exterior])
     grid = Grid(SimpleNamespace(polygon=floor), 0.5, 0.7)
     assert grid.on_floor.sum() == 64 - 16
-    body, cell = grid.covered(np.array([[0.9, 2.0]]), np.array([0.6]))
-    assert set(body.tolist()) == {0}
-    assert (grid.on_floor.ravel()[cell]).all()
     assert grid.smoothed(grid.gathered(np.array([[0.5, 2.0]]), np.ones(1))).sum() * 0.25 == pytest.approx(1.0, abs=0.05)
