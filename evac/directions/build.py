@@ -45,7 +45,7 @@ from evac.directions.raster.grids import (
 )
 from evac.directions.raster.masks import grown, nearest_marked
 from evac.directions.raster.strips import outward_directions
-from evac.directions.routes import PREFERRED, QUICKEST, RELUCTANCE, STRATEGIES, Route
+from evac.directions.routes import PREFERRED, RELUCTANCE, STRATEGIES, Route
 
 #: The slowness factor is 1 + BEND at a wall and 1 at the clearance, so that paths pass posts at about one clearance.
 BEND = 8.0
@@ -121,7 +121,7 @@ def build_fields(
     solved = solver.solve_classes(narrowest, classes)
     if anywhere:
         _lead_anywhere(solver, solved, narrowest, classes)
-    keep_grids = keep_grids or any(route.strategy == QUICKEST for route in routes)
+    keep_grids = keep_grids or any(route.follows_crowd for route in routes)
     return Fields(
         routes=tuple(routes),
         packed=_packed(solver, solved, classes),

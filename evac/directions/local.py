@@ -73,10 +73,11 @@ class LocalWays(Saved):
         inside = level >= 0
         nodes = self._kernels.nodes_at(level, position)
         own = self._headings(columns, level, nodes)
-        strategies = [route.strategy for route in self.fields.routes]
+        routes = self.fields.routes
         used = set(np.unique(columns[inside]).tolist()) | self._columns.keys()
         for number in sorted(used):
-            if strategies[number % len(strategies)] not in STRATEGIES:
+            own_route = routes[number % len(routes)]
+            if own_route.strategy not in STRATEGIES or own_route.follows_crowd:
                 continue
             others = self._headings(np.full_like(columns, number), level, nodes)
             cosine = (own * others).sum(axis=1)

@@ -1,8 +1,9 @@
 """Travel times that are solved again during a run, with speeds that fall with the density, for the strategy "quickest".
 
-The directions of other strategies belong to an empty building. Those of this one follow the crowd: every few seconds,
-the density is found from the places of people, and the routes are solved again on the grids of the building with the
-relative speed of Weidmann (1993),
+The directions of other strategies belong to an empty building; only the waits for lifts that they weigh against stairs
+follow the people on the way to them. Those of this one follow the crowd: every few seconds, the density is found from
+the places of people, and the routes are solved again on the grids of the building with the relative speed of Weidmann
+(1993),
 
     f = 1 - exp(-1.913 (1 / rho - 1 / 5.4)),    at least `floor`,
 
@@ -13,7 +14,7 @@ only if the speeds have changed on it, or if its ways lead through a level that 
 that no way leads through while nobody is in them (`pockets.py`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import numpy as np
@@ -23,8 +24,17 @@ from evac.base.saved import Bounds, Saved
 from evac.directions.density import Kernels, at_nodes_of, gain_of
 from evac.directions.fields import Fields, columns_of
 from evac.directions.gates import Gates
-from evac.directions.routefield import RouteField
+from evac.directions.routefield import RouteField, first_car
 from evac.directions.routes import QUICKEST
+
+#: By how much longer people wait for lifts than is always expected [s], by the rooms of their cars, if so many people
+#: are on the way to each room (levels,).
+WaitsForLifts = Callable[[IntArray], Mapping[int, float]]
+
+
+def no_waits(on_way: IntArray) -> Mapping[int, float]:
+    """Return how much longer people wait where there are no lifts."""
+    return {}
 
 
 class Settings(Protocol):
@@ -56,15 +66,15 @@ class Quickest(Saved):
         self.columns: dict[int, RouteField] = {}
         routes = len(fields.routes)
         for number in range(len(fields.grids) * routes):
-            if fields.routes[number % routes].strategy == QUICKEST:
+            if fields.routes[number % routes].follows_crowd:
                 lower = self.columns.get(number - routes)
                 column = RouteField(
                     fields, own.travel_time, own.direction, number, self._gates, settings.hesitation, lower
                 )
                 column.write(set(range(len(grids.levels))))
                 self.columns[number] = column
-        #: For each column of people: the next gate (nodes,) on their way, and the time to it.
-        self._ways = {number: (one.waves.gate, one.waves.walk) for number, one in self.columns.items()}
+        #: For each column of people: the next gate (nodes,) on their way, the time to it, and the exit or car.
+        self._ways = {number: _way_of(one) for number, one in self.columns.items()}
         self._is_solved = np.array(False)
         self._density = np.zeros(grids.size)
         self._counts = np.zeros(2, np.int64)  # updates, levels solved
@@ -82,24 +92,24 @@ class Quickest(Saved):
         position: FloatArray,
         route: IntArray,
         radius: FloatArray,
-        waits: Mapping[int, float] | None = None,
+        waits: WaitsForLifts = no_waits,
     ) -> None:
         """Solve the routes again for people at levels (n,), -1 for those who have left, and positions (n, 2) [m].
 
-        Bodies fit through gaps by their radii (n,) [m]. People wait for lifts in the rooms of their cars for the times
-        `waits` [s], besides those that are always expected.
+        Bodies fit through gaps by their radii (n,) [m].
         """
         columns = columns_of(self.fields.packed, route, radius)
         inside = level >= 0
         nodes = self._kernels.nodes_at(level, position)
         gain = gain_of(self._settings.period, self._settings.memory) if self._counts[0] else 1.0
         crowded = self._kernels.average(self._density, level, position, gain)
-        self._count_at_gates(nodes[inside], columns[inside], gain)
+        longer = waits(self._count_on_way(level[inside], nodes[inside], columns[inside], gain))
         for number, column in self.columns.items():
             rows = (columns == number) & inside
             changed = column.leave_out_empty(nodes[rows])
-            changed |= column.slow_down(self._density, crowded, self._settings.floor)
-            changed |= column.wait_for_lifts(waits or {}, gain)
+            if self.fields.routes[number % len(self.fields.routes)].strategy == QUICKEST:
+                changed |= column.slow_down(self._density, crowded, self._settings.floor)
+            changed |= column.wait_for_lifts(longer, gain)
             occupied = set(np.unique(level[rows]).tolist())
             self._counts[1] += column.solve(changed, occupied, not self._is_solved)
         self._counts[0] += 1
@@ -113,16 +123,28 @@ class Quickest(Saved):
         """Return the bounds of densities and counts."""
         return dict.fromkeys(("_density", "_counts", "_is_solved"), Bounds(0, np.inf))
 
-    def _count_at_gates(self, nodes: IndexArray, columns: IntArray, gain: float) -> None:
-        """Count people at nodes on their way to gates. Those with other strategies walk as in the empty building."""
-        gate, walk = np.full(len(nodes), -1, np.int32), np.zeros(len(nodes))
+    def _count_on_way(self, level: IntArray, nodes: IndexArray, columns: IntArray, gain: float) -> IntArray:
+        """Count people at nodes of levels on their way to gates; return how many are on the way to each car (levels,).
+
+        Those with other strategies walk as in the empty building.
+        """
+        gate, end, walk = *np.full((2, len(nodes)), -1, np.int32), np.zeros(len(nodes))
         for number in np.unique(columns).tolist():
             if number not in self._ways:
                 fields = self.clear
-                waves = RouteField(
-                    fields, fields.packed.travel_time, fields.packed.direction, number, self._gates
-                ).waves
-                self._ways[number] = waves.gate, waves.walk
+                self._ways[number] = _way_of(
+                    RouteField(fields, fields.packed.travel_time, fields.packed.direction, number, self._gates)
+                )
             rows = columns == number
-            gate[rows], walk[rows] = (values[nodes[rows]] for values in self._ways[number])
+            gate[rows], walk[rows], end[rows] = (values[nodes[rows]] for values in self._ways[number])
         self._gates.count(gate, walk, gain)
+        building = self._grids.building
+        is_in_car = np.array([one.kind == "car" for one in building.levels])[level]
+        car = end[~is_in_car] - first_car(building)
+        on_way: IntArray = np.bincount(car[car >= 0], minlength=len(building.levels)).astype(np.int32)
+        return on_way
+
+
+def _way_of(column: RouteField) -> tuple[IntArray, FloatArray, IntArray]:
+    """Return for each node of a column the next gate on the way, the time to it, and the exit or car."""
+    return column.waves.gate, column.waves.walk, column.waves.exit

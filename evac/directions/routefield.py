@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, pairs_of
 from evac.base.saved import Bounds, Saved, taken
-from evac.building.model.building import FLAT, Area, Exit
+from evac.building.model.building import FLAT, Area, Building, Exit
 from evac.directions.descent import Ways, descend
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.gates import STEP, Gates
@@ -192,6 +192,8 @@ class RouteField(Saved):
                 is_border |= (beside >= 0) & (starts[beside] | (ways.level_of[beside] != ways.level_of[nodes]))
         source, twin = _one_way(grids, ways.source, ways.twin)
         nobody = np.full(grids.size, -1, np.int32)
+        is_car = np.array([level.kind == "car" for level in grids.building.levels])
+        label = np.where(is_car, first_car(grids.building) + np.arange(len(is_car)), -1).astype(np.int32)
         return MarchState(
             level_of=ways.level_of,
             border=nodes[is_border],
@@ -207,6 +209,7 @@ class RouteField(Saved):
             state=np.where(joins, FINAL, APART).astype(np.uint8),
             time=np.where(joins, time, math.inf),
             exit=nobody,
+            label=label,
             gate_at=self._gates.at,
             gate=nobody.copy(),
             walk=np.zeros(grids.size),
@@ -282,7 +285,8 @@ class RouteField(Saved):
 
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of the arrays of the waves."""
-        links, any_time = Bounds(-1, self._grids.building.n_links - 1), Bounds(-np.inf, np.inf)
+        links = Bounds(-1, first_car(self._grids.building) + len(self._grids.levels) - 1)
+        any_time = Bounds(-np.inf, np.inf)
         gates, sides = Bounds(-1, len(self._gates.people) - 1), Bounds(0, 1)
         bounds = {
             "jump_time": any_time,
@@ -463,6 +467,11 @@ class RouteField(Saved):
             shift[level] = place.start - self._grids.levels[level].offset
         level_of = np.searchsorted([grid.offset for grid in self._grids.levels], nodes, side="right") - 1
         return nodes + shift[level_of]
+
+
+def first_car(building: Building) -> int:
+    """Return what is added to the level of a car for the label of the ways into it, beside the numbers of links."""
+    return len(building.links)
 
 
 def _strips_and_starts(

@@ -44,6 +44,11 @@ class Route:
     lifts: str = ""
 
     @property
+    def follows_crowd(self) -> bool:
+        """Whether its travel times follow the crowd, or at least the queues for lifts beside which it has stairs."""
+        return self.strategy == QUICKEST or (self.lifts == WEIGHED and self.steepest is None)
+
+    @property
     def destination(self) -> str:
         """The exits as text, such as ``"north|south"``."""
         return self.area or "|".join(self.exits) or "any exit"

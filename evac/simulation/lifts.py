@@ -321,43 +321,45 @@ class Lifts(Saved):
         """Return whether a lift is in service."""
         return self._lifts[k].doors[0][0] in self._scene.building.awaited
 
-    def _longer_waits(self) -> dict[int, float]:
+    def _longer_waits(self, on_way: IntArray) -> dict[int, float]:
         """Return by how much longer people wait for each lift than is expected always [s], by the rooms of its car.
 
-        Its bank makes the trips for all who wait, in the order of the dispatcher, and a car comes from the discharge.
+        They wait until the last of those on the way to each room (levels,), and of those before its doors, are taken
+        in: the cars of a bank make a trip for as many as they have places, wherever the dispatcher sends the next that
+        is free.
         """
-        waits = {}
-        waiting = np.bincount(self._waits_at[self._waits_at >= 0], minlength=len(self._lobbies)).tolist()
-        for k, lift in enumerate(self._lifts):
-            lobbies = [self._lobby[k, at] for at in range(len(lift.rooms))]
-            for stop in range(len(lift.rooms)):
-                if stop != lift.discharge and self._runs(k):
-                    people = {at: waiting[lobby] + (at == stop) for at, lobby in enumerate(lobbies)}
-                    del people[lift.discharge]
-                    cars = len({car for car, *_ in self._lobbies[lobbies[stop]].cars})
-                    wait = self._trips_until(k, stop, people) / cars + lift.flight(lift.discharge, stop)
-                    waits[lift.rooms[stop]] = max(0.0, wait + lift.operation.opening - lift.operation.wait)
+        waits = {room: np.inf for lift in self._lifts for room in lift.rooms if room != lift.rooms[lift.discharge]}
+        people = [sum(int(on_way[door.other(lobby.level)]) for *_, door in lobby.cars) for lobby in self._lobbies]
+        free = {k: self._free_in(k) for k in range(len(self._lifts)) if self._runs(k)}
+        left = {self._lobby[k, stop] for k in free for stop in range(len(self._lifts[k].rooms))}
+        while free:
+            k = min(free, key=lambda car: (free[car], car))
+            lift, now = self._lifts[k], self._scene.time
+            stops = {at: self._lobby[k, at] for at in range(len(lift.rooms)) if at != lift.discharge}
+            calls = [StopCall(at, max(1, people[lobby]), now) for at, lobby in stops.items() if lobby in left]
+            to = self._ask(k, lift.discharge, calls) if calls else None
+            if to is None:
+                del free[k]
+                continue
+            wait = free[k] + lift.flight(lift.discharge, to) + lift.operation.opening - lift.operation.wait
+            for car, at, _ in self._lobbies[stops[to]].cars:
+                waits[self._lifts[car].rooms[at]] = max(0.0, wait)
+            if load := min(people[stops[to]], lift.operation.capacity):
+                free[k] += _round_trip(lift, to, load)
+            people[stops[to]] -= load
+            left -= {stops[to]} if people[stops[to]] == 0 else set()
         return waits
 
-    def _trips_until(self, k: int, stop: int, people: dict[int, int]) -> float:
-        """Return the time of the trips of a car until the last of some people by stop is taken in at one of these [s].
-
-        It is infinite if the dispatcher does not send the car there.
-        """
-        lift, time = self._lifts[k], 0.0
-        calls = [StopCall(at, number, self._scene.time) for at, number in sorted(people.items()) if number]
-        while calls:
-            to = self._ask(k, lift.discharge, calls)
-            (call,) = (call for call in calls if call.stop == to) if to is not None else (None,)
-            if call is None:
-                return np.inf
-            full, rest = divmod(call.people, lift.operation.capacity)
-            time += full * _round_trip(lift, call.stop, lift.operation.capacity)
-            time += _round_trip(lift, call.stop, rest) if rest and to != stop else 0.0
-            if to == stop:
-                return time
-            calls.remove(call)
-        return time
+    def _free_in(self, k: int) -> float:
+        """Return by hand in how much time a car leaves its discharge to fetch people [s], or has left it if < 0."""
+        lift, stop, to = self._lifts[k], int(self.stop[k]), int(self.to[k])
+        if self.phase[k] == STANDS:
+            return 0.0
+        ride = self.until[k] - self._scene.time if self.phase[k] == RIDES else lift.flight(stop, lift.discharge)
+        if self.phase[k] == RIDES and to != lift.discharge:
+            return float(ride - lift.flight(lift.discharge, to))
+        own, people = lift.operation, len(self._inside(k))
+        return float(ride + own.opening + own.closing + max(LEAST_TRANSFER, TRANSFER * people))
 
     def _next_stop(self, k: int) -> int | None:
         """Return the next stop of a car: one that its dispatcher chooses, or if it is out of service its discharge.

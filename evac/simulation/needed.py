@@ -11,7 +11,7 @@ from evac.directions.build import build_fields
 from evac.directions.descent import add_lengths, descend
 from evac.directions.fields import Fields
 from evac.directions.march.waves import deposit, march_waves
-from evac.directions.routes import QUICKEST, STRATEGIES, Route
+from evac.directions.routes import STRATEGIES, Route
 from evac.directions.sampling import sample_travel_times
 from evac.jit import Entry
 from evac.jit.kernels import entries_of
@@ -146,7 +146,7 @@ def run_kernels(
     for behaviour in behaviours:
         kernels += entries_of(sys.modules[type(behaviour).__module__])
     routes = needed_routes(case, behaviours, full)
-    if any(route.strategy == QUICKEST for route in routes) or any(one.keeps_distance for one in behaviours):
+    if any(route.follows_crowd for route in routes) or any(one.keeps_distance for one in behaviours):
         kernels += [deposit, march_waves]
     elif case.conditions and case.smoke.routes:
         kernels += [march_waves]

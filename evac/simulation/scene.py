@@ -21,9 +21,9 @@ from evac.building.model.links import building_at
 from evac.directions.fields import Fields
 from evac.directions.local import STRATEGIES as LOCAL_STRATEGIES
 from evac.directions.local import LocalWays
-from evac.directions.quickest import Quickest, Settings
+from evac.directions.quickest import Quickest, Settings, WaitsForLifts, no_waits
 from evac.directions.routefield import RouteField
-from evac.directions.routes import QUICKEST, Route
+from evac.directions.routes import Route
 from evac.directions.smoky import Smoky
 from evac.people.places import Places
 from evac.people.population import Population
@@ -111,8 +111,7 @@ class Scene(Saved):
         self.building, self.shared_scene = shared_scene.building, shared_scene
         self._settings, self._keeps_distances = settings, keeps_distances
         self.quickest: Quickest | None = None
-        #: Gives the waits for lifts, in the rooms of their cars, beyond those that are always expected [s].
-        self.waits_for_lifts: Callable[[], Mapping[int, float]] = dict
+        self.waits_for_lifts: WaitsForLifts = no_waits
         self.local: LocalWays | None = None
         self.smoky: Smoky | None = None
         self.fields = self._own_fields(shared_scene.fields)
@@ -382,7 +381,7 @@ class Scene(Saved):
         if self._settings is None:
             return fields
         strategies = {route.strategy for route in fields.routes}
-        if QUICKEST in strategies:
+        if any(route.follows_crowd for route in fields.routes):
             self.quickest = Quickest(fields, self._settings, self.quickest)
             fields = self.quickest.fields
         if self._keeps_distances and strategies.intersection(LOCAL_STRATEGIES):
@@ -397,7 +396,7 @@ class Scene(Saved):
         crowd = self.people.crowd
         of = crowd.level, crowd.position, crowd.route, crowd.contact_radius
         if self.quickest is not None and self.quickest.is_due(tick, length):
-            self.quickest.update(*of, self.waits_for_lifts())
+            self.quickest.update(*of, self.waits_for_lifts)
         if self.local is not None and self.local.is_due(tick, length):
             self.local.update(*of)
 

@@ -47,7 +47,8 @@ class MarchState(Struct):
     spacing: float  # [m]
     state: Bytes  # (nodes,) FAR, QUEUED, FINAL or APART
     time: Floats  # (nodes,) [s]
-    exit: Ints  # (nodes,) exit that the way from a node ends at, -1 for none
+    exit: Ints  # (nodes,) exit that the way from a node ends at, or label of the car that it enters first, -1 for none
+    label: Ints  # (levels,) label of a car that is entered on a level, -1 for other levels
     gate_at: Ints  # (nodes,) gate whose line a node is on, -1 for none
     gate: Ints  # (nodes,) next gate on the way from a node, -1 for none
     walk: Floats  # (nodes,) time to this gate without other people [s]
@@ -319,15 +320,15 @@ def march_waves(waves: MarchState, level: Bytes, needed: Bytes, missing: int, le
         size -= 1
         node = take_first(waves, size)
         waves.state[node] = FINAL
-        near = waves.before[node]
-        waves.exit[node] = waves.exit[near]
+        near, here = waves.before[node], waves.level_of[node]
+        is_car = waves.label[here] >= 0 and waves.level_of[near] != here
+        waves.exit[node] = waves.label[here] if is_car else waves.exit[near]
         if waves.gate_at[node] >= 0:
             waves.gate[node] = waves.gate_at[node]
             waves.walk[node] = 0.0
         else:
             waves.gate[node] = waves.gate[near]
             waves.walk[node] = waves.walk[near] + (waves.time[node] - waves.time[near]) / waves.factor[node]
-        here = waves.level_of[node]
         missing -= needed[here]
         if waves.level_of[near] != here:
             waves.leans[here, waves.level_of[near]] = 1
