@@ -25,6 +25,7 @@ from evac.building.importer import Importer, optional_library
 from evac.building.plan.plan import Plan
 from evac.building.recover.drawings import (
     APART,
+    LARGEST_SWING,
     LEAST_PLAN,
     RADII,
     DrawnFlight,
@@ -54,6 +55,8 @@ FILLS = frozenset(("SOLID", "TRACE", "3DFACE"))
 BODIES = frozenset(("REGION", "3DSOLID", "BODY", "SURFACE", "MESH", "POLYLINE", "ACAD_PROXY_ENTITY", "HELIX"))
 #: Minimum length of the pieces of a curve, as a share of its extent.
 FINEST = 1e-4
+#: Largest coordinate, beyond which GEOS may loop [units].
+FURTHEST = 1e12
 #: Largest gap between the ends of a polyline that is treated as closed [m].
 CLOSED = 1e-3
 #: Width from which a polyline is an outline; greatest width of the outline of a wall; thickness of a door's leaf [m].
@@ -62,6 +65,8 @@ THINNEST, THICKEST_OUTLINE, LEAF = 0.02, 0.9, 0.06
 LEAST_PANE = 0.5
 #: Walls of two plans this near are above each other [m], and the share that is wanted of them.
 SAME_WALL, LEAST_ALIKE = 0.05, 0.3
+#: Names of layers with outlines of rooms, which are read where nothing else has walls.
+ROOM_LAYER = re.compile("area|room|raum|space|zone|piece|local", re.IGNORECASE)
 #: Why entities are left out.
 NAMED, HIDDEN = "since it or their block is named so", "since it is off or frozen"
 UNNAMED = "since other layers have the floor"
@@ -127,6 +132,12 @@ class DxfImporter(Importer):
             shapes = [*self._shapes(document, left_out)]
         except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # damaged entities
             raise ValueError(f"an entity cannot be read: {text_of(error)}") from error
+        rooms = sorted({layer for layer, why in left_out if why == NAMED and ROOM_LAYER.search(layer)})
+        if rooms and not self.walls and all(shape.use in ("doors", "areas") for shape in shapes):
+            plan = DxfImporter(**{**self.values(), "walls": ",".join(rooms)}).read(path)
+            text = "outlines of rooms, which are read as their walls, since no layer has walls or a floor (walls)"
+            plan.note("assumed", f"layers {', '.join(map(repr, rooms))}: {text}")
+            return plan
         has_floor = any(shape.use == "floor" for shape in shapes)
         if has_floor:
             left_out.update((one.layer, UNNAMED) for one in shapes if not self._given_use(one.layer))
@@ -339,7 +350,8 @@ class DxfImporter(Importer):
         swings = [swing for _, swing in swung]
         panes = [one for one in drawn if one.use == "windows"]
         leaves = [side for one in drawn if not one.is_curve and one.use != "stairs" for side in one.sides]
-        doors, swings = doors_of(swings, [one.line for one in (*walls, *panes) if not one.is_curve], leaves)
+        small = {id(arc) for arc, swing in swung if swing.radius <= LARGEST_SWING}
+        doors, swings = doors_of(swings, [one.line for one in (*walls, *panes) if id(one) not in small], leaves)
         lost = [
             pair for pair in swung if pair[0].use == "doors" and not any(pair[1].ends is one.ends for one in swings)
         ]
@@ -598,8 +610,8 @@ def _is_divided(entity: Any) -> bool:
 def _frame(path: Any) -> FloatArray:
     """Return the control points (n, 2) of a path; raise ValueError if they are not finite."""
     frame = np.array([[vertex.x, vertex.y] for vertex in path.control_vertices()]).reshape(-1, 2)
-    if not np.isfinite(frame).all():
-        raise ValueError("a coordinate is not finite")
+    if not (np.abs(frame) <= FURTHEST).all():
+        raise ValueError(f"a coordinate is not finite, or larger than {FURTHEST:g}")
     return frame
 
 

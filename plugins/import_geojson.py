@@ -55,8 +55,8 @@ INDOOR_WALL = 0.1
 STRAIGHT = 0.01
 #: Polygons that rise by more above their base, which is lower than heads, are no ground if there are others [m].
 STEP, HEADS = 0.3, 1.8
-#: Largest content of an archive [bytes].
-MOST_BYTES = 500_000_000
+#: Largest content of an archive [bytes]; largest coordinate [units], beyond which GEOS may loop.
+MOST_BYTES, LARGEST = 500_000_000, 1e12
 #: Largest extent of a building with coordinates in degrees [degrees].
 MOST_DEGREES = 0.05
 #: Semi-axes of the WGS 84 ellipsoid [m].
@@ -379,8 +379,8 @@ def _feature(number: int, given: Any, profile: str) -> Feature:
         shapes = list(geometries(given))
     except ValueError as error:
         raise ValueError(f"feature {number}: {error}") from error
-    if not shapes or not np.isfinite(shapely.get_coordinates(shapes)).all():
-        raise ValueError(f"feature {number}: coordinates are missing or not finite")
+    if not shapes or not (np.abs(shapely.get_coordinates(shapes)) <= LARGEST).all():
+        raise ValueError(f"feature {number}: coordinates are missing, not finite or larger than {LARGEST:g}")
     shape = shapes[0] if len(shapes) == 1 else shapely.GeometryCollection(shapes)
     if profile:
         return Feature(number, shape, "", "", "", None)

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from evac.base.defaults import FARTHEST
 from evac.base.parameters import Parameter
 from evac.building.geometry import enclosed, flat_parts, place_of
 from evac.building.importer import Importer
@@ -95,8 +96,8 @@ def _joined(one: Tree.Element, room: str) -> list[tuple[str, str]]:
 def _line(one: Tree.Element) -> BaseGeometry:
     """Return the line through the vertices of an element."""
     corners = [[_number(vertex.get(key)) for key in ("px", "py")] for vertex in one.iter("vertex")]
-    if len(corners) < 2 or not np.isfinite(corners).all():
-        raise ValueError(f"<{one.tag}> {one.get('id', '')} needs two vertices with px and py")
+    if len(corners) < 2 or not (np.abs(corners) <= FARTHEST).all():
+        raise ValueError(f"<{one.tag}> {one.get('id', '')} needs two vertices with px and py up to {FARTHEST:g} m")
     return shapely.LineString(corners)
 
 

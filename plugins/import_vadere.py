@@ -10,6 +10,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
+from evac.base.defaults import FARTHEST
 from evac.base.parameters import Parameter
 from evac.building.geometry import flat_parts, place_of
 from evac.building.importer import Importer
@@ -34,7 +35,7 @@ class VadereImporter(Importer):
         """Read the topography; raise ValueError if the file has none."""
         plan = Plan(path)
         try:
-            topography = json.loads(path.read_text(encoding="utf-8-sig"))["scenario"]["topography"]
+            topography = json.loads(path.read_text(encoding="utf-8-sig"), parse_float=_number)["scenario"]["topography"]
             own = topography["attributes"]
             ground = _shape({**own["bounds"], "type": "RECTANGLE"})
             if own.get("bounded", True):
@@ -89,6 +90,13 @@ def _heights(parts: list[BaseGeometry], stairs: list[tuple[FloatArray, float]]) 
     for rows in (group == one for one in set(group)):
         heights[rows] -= heights[rows].min()
     return [float(z) for z in heights.round(4)]
+
+
+def _number(text: str) -> float:
+    """Return a number of the file; far beyond the largest coordinate, GEOS may loop."""
+    if not abs(number := float(text)) <= FARTHEST:
+        raise ValueError(f"{text} is too large")
+    return number
 
 
 def _at(parts: list[BaseGeometry], shape: BaseGeometry) -> list[int]:

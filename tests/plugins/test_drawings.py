@@ -8,9 +8,10 @@ import ezdxf
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 
 import evac
-from evac import import_building
+from evac import import_building, read_building
 
 UNITS = {"m": (6, 1.0), "cm": (5, 100.0), "mm": (4, 1000.0), "inch": (1, 1 / 0.0254)}
 #: Two rooms of 5.0 m and 3.6 m by 4.0 m, an inner wall of 0.2 m and outer walls of 0.3 m; a door in each.
@@ -199,6 +200,38 @@ def test_drawings_of_architects_need_no_option(kind, tmp_path):
     assert (made.fault, made.missing) == ("", ())
     assert sum(level.polygon.area for level in made.building.levels) == pytest.approx(FLOOR, rel=0.02)
     assert [way.width for way in made.building.exits] == [pytest.approx(1.0, abs=0.02)]
+
+
+def test_outlines_of_rooms_are_walls_where_nothing_else_is(tmp_path):
+    drawing = Drawing("mm")
+    rooms = [shapely.box(0, 0, 12, 2), shapely.box(0, 2.15, 5.9, 7), shapely.box(6.05, 2.15, 12, 7)]
+    for room in rooms:
+        drawing.rings(room, "A-AREA")
+    drawing.swing((2, 2.075), 0.9, 0.0, "A-DOOR", leaf=90.0)
+    drawing.swing((8, 2.075), 0.9, 0.0, "A-DOOR", leaf=90.0)
+    drawing.swing((0, 0.5), 1.0, 0.0, "A-DOOR", leaf=0.0)
+    drawing.document.saveas(tmp_path / "a.dxf")
+    building = read_building(tmp_path / "a.dxf")
+    assert [level.polygon.area for level in building.levels] == [pytest.approx(81.47 + 2 * 0.9 * 0.15, abs=0.02)]
+    assert [way.width for way in (*building.exits, *building.doors)] == [
+        pytest.approx(w, abs=0.02) for w in (1, 0.9, 0.9)
+    ]
+
+
+def test_a_door_in_a_curved_wall(tmp_path):
+    drawing = Drawing("mm")
+    ring = shapely.Point(0, 0).buffer(6.3, quad_segs=64) - shapely.Point(0, 0).buffer(6, quad_segs=64)
+    half = shapely.box(-7, 0, 7, 7) - shapely.box(-7, -1, 0, 0.5)
+    for side in (1, -1):
+        corners = shapely.get_coordinates(shapely.affinity.scale(half & ring, yfact=side, origin=(0, 0)))[:-1]
+        drawing.space.add_lwpolyline(
+            [(1000 * x, 1000 * y, 0.001) for x, y in corners], format="xyb", close=True, dxfattribs={"layer": "walls"}
+        )
+    drawing.swing((-6, -0.5), 1.0, 90.0, "doors", leaf=180.0)
+    drawing.document.saveas(tmp_path / "a.dxf")
+    building = read_building(tmp_path / "a.dxf")
+    assert sum(level.polygon.area for level in building.levels) == pytest.approx(36 * np.pi, rel=0.01)
+    assert [way.width for way in building.exits] == [pytest.approx(1.0, abs=0.05)]
 
 
 def test_walls_as_single_lines(tmp_path):

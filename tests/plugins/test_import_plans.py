@@ -221,3 +221,31 @@ def test_nested_tags_corridors_and_levels_of_one_name(tmp_path):
     ]
     building = building_of(tmp_path / "b.geojson", features_of(*levels, *units), coordinates="plane")
     assert {level.name: level.z_min for level in building.levels} == {"Level 1": 0.0, "Level 1 (2)": 0.0}
+
+
+FAR_LINE = {"type": "LineString", "coordinates": [[2, 2], [1e308, 2], [4, 5]]}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "word"),
+    [
+        ("a.geojson", json.dumps(FAR_LINE), "feature 1"),
+        ("a.wkt", "POLYGON ((0 0, 1e308 0, 4 5, 0 0))", "farther"),
+        ("a.osm", "<osm><node id='7' lat='1e200' lon='8'/></osm>", "node 7"),
+        (
+            "a.xml",
+            "<geometry><room id='0'><subroom id='1'><polygon><vertex px='0' py='1e99'/><vertex px='1' py='0'/>"
+            "</polygon></subroom></room></geometry>",
+            "two vertices",
+        ),
+        (
+            "a.scenario",
+            '{"scenario": {"topography": {"attributes": {"bounds": {"x": 0, "y": 0, "width": 1e300, "height": 9}}}}}',
+            "topography",
+        ),
+    ],
+)
+def test_a_coordinate_at_which_geometry_loops_is_refused_by_its_place(tmp_path, name, text, word):
+    with pytest.raises(BuildingError, match=word) as caught:
+        building_of(tmp_path / name, text)
+    assert "array" not in str(caught.value)

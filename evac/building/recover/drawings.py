@@ -234,7 +234,7 @@ OTHERS = (
     "bed sink lamp bath border rahmen frame tile area zone"
 )
 #: Usual radii of doors, from which units are known, the largest one [m], and the angle that they swing [rad].
-RADII, LARGEST, SWING = (0.55, 1.3), 1.7, np.radians((20.0, 110.0))
+RADII, LARGEST_SWING, SWING = (0.55, 1.3), 1.7, np.radians((20.0, 110.0))
 #: Share of the lines of a layer with another side beside them from which it has walls.
 PAIRED = 0.4
 #: Greatest distance between a door and its wall [m]; that between the strikes of the two leaves of a door.
@@ -330,11 +330,11 @@ def doors_of(
 
     `swings` [m]; `walls` [m]; `leaves` [m]: lines that may be leaves.
     """
-    drawn = shapely.STRtree([leaf for leaf in leaves if leaf.length < LARGEST + LEAF])
+    drawn = shapely.STRtree([leaf for leaf in leaves if leaf.length < LARGEST_SWING + LEAF])
     ground = shapely.union_all([*walls])
     shapely.prepare(ground)
     swings = [_at_leaf(swing, drawn, ground) for swing in swings]
-    own = [swing for swing in swings if RADII[0] * 0.9 <= swing.radius <= LARGEST]
+    own = [swing for swing in swings if RADII[0] * 0.9 <= swing.radius <= LARGEST_SWING]
     own = [one for one in own if ground.dwithin(shapely.Point(one.hinge), BESIDE_WALL)]
     tips = [shapely.MultiPoint(one.ends) for one in own]
     doors, used = [], []
@@ -361,7 +361,7 @@ def _at_leaf(swing: Swing, leaves: shapely.STRtree, walls: BaseGeometry) -> Swin
             if np.hypot(*(hinge - swing.hinge)) < LEAF:
                 return swing
             width = float(np.hypot(*(strike - hinge)))
-            is_door = abs(leaf.length - width) < LEAF and RADII[0] <= width <= LARGEST
+            is_door = abs(leaf.length - width) < LEAF and RADII[0] <= width <= LARGEST_SWING
             if is_door and np.hypot(*(tip - end)) < LEAF and walls.dwithin(shapely.Point(strike), BESIDE_WALL):
                 found = replace(swing, hinge=hinge, radius=width, sector=shapely.convex_hull(swing.sector | leaf))
     return found

@@ -1,6 +1,5 @@
 """OpenStreetMap XML (.osm) as a collection of GeoJSON features."""
 
-import math
 import xml.etree.ElementTree as Tree
 from collections.abc import Mapping
 from typing import Any
@@ -52,11 +51,11 @@ def features_of(text: str) -> dict[str, Any]:
 
 def _number(node: Tree.Element, key: str) -> float:
     try:
-        if math.isfinite(number := float(node.get(key, ""))):
+        if abs(number := float(node.get(key, ""))) <= 360.0:
             return number
     except ValueError:
         pass
-    raise ValueError(f"node {node.get('id')}: {key} is {node.get(key)!r} and no number")
+    raise ValueError(f"node {node.get('id')}: {key} is {node.get(key)!r} and no angle in degrees")
 
 
 def _is_area(tags: Mapping[str, str]) -> bool:
