@@ -32,7 +32,7 @@ LEFT_OUT = {
     "STRS": "write it as [[shafts]], with the foot, width, direction and turn of its flights",
     "ENTR": "write a group of [[people]] with arrive into case.toml for those who come in there",
     "EVSS": "write it as [[stairs]]",
-    "GEOM": "draw it in building.plan.toml",
+    "GEOM": "people would walk through it; write the boxes around its parts as &OBST",
 }
 #: Depth of the ground outside of an exit [m]; least area of a part of the ground [m2].
 OUTSIDE, LEAST_PART = 0.1, 0.5
@@ -73,7 +73,7 @@ class FdsImporter(Importer):
                 node = re.search(r"TO_NODE\s*=\s*['\"]([^'\"]*)", one.text)
                 to = f", to {node[1]}" if node else ""
                 text = f"&{one.group} {one.name} (line {one.number}){to}{one.edge} is not read; {why}"
-                kind = "missing" if one.group in ("CORR", "STRS", "EVSS") else "left out"
+                kind = "missing" if one.group in ("CORR", "STRS", "EVSS", "GEOM") else "left out"
                 plan.note(kind, text, element=f"&{one.group}")
             elif (
                 one.group == "VENT"

@@ -66,8 +66,9 @@ MAJOR, MINOR = 6378137.0, 6356752.314245
 class GeojsonImporter(Importer):
     """GeoJSON (.geojson, .json): features with the properties `kind`, `name`, `storey` (or `level`) and `z`.
 
-    Without `kind`, polygons are the ground of their storey and lines are exits. Indoor maps of IMDF (also as .zip),
-    OpenStreetMap (also as .osm) and wrld3d are read by their own properties, and so is an export of evac.
+    Without `kind`, polygons are the ground of their storey, and lines exits, or doors between two rooms. Indoor maps of
+    IMDF (also as .zip), OpenStreetMap (also as .osm) and wrld3d are read by their own properties, and so is an export
+    of evac.
     """
 
     name = "geojson"
@@ -129,7 +130,7 @@ class GeojsonImporter(Importer):
             self._add_map(plan, storeys, steps, nowhere)
             _note_lost(plan, nowhere)
         else:
-            for kind, number in Counter(one.kind for one in features).items():
+            for kind, number in Counter(one.kind or "line" for one in features).items():
                 plan.note("found", f"{number} features of the kind {kind}", element=kind, number=number)
             self._add_storeys(plan, features)
         return plan
@@ -258,14 +259,16 @@ class GeojsonImporter(Importer):
             if not given and len(names) > 1:
                 plan.note("assumed", f"z = {z:g} m, since the storey has no z (z, height)", name)
             for number, one in enumerate((one for one in ground[name] if one.kind != "storey"), start=1):
-                self._add(plan, one, name, one.name or f"{one.kind} {number}")
+                self._add(plan, one, name, one.name or f"{one.kind or 'exit'} {number}")
 
     def _add(self, plan: Plan, feature: "Feature", storey: str, name: str) -> None:
         """Add one feature that is not ground."""
         sides = lines_of(feature.shape.simplify(STRAIGHT)) if feature.shape.geom_type == "LineString" else []
         if feature.kind in ("door", "opening") and len(sides) != 1:
             raise ValueError(f"feature {feature.number}: a {feature.kind} must be a straight LineString")
-        if feature.kind == "exit" and sides:
+        if not feature.kind and len(sides) == 1:
+            plan.door(name, storey, sides[0], outside="exit")
+        elif feature.kind in ("", "exit") and sides:
             plan.exit(name, storey, [shapely.get_coordinates(side).tolist() for side in sides])
         elif feature.kind == "exit":
             plan.exit(name, storey, polygon=feature.shape)
@@ -275,7 +278,7 @@ class GeojsonImporter(Importer):
             plan.opening(storey, sides[0], name)
         else:
             getattr(plan, feature.kind)(name, storey, feature.shape)
-        plan.note("found", f"{feature.kind} {name!r}", storey, place_of(feature.shape))
+        plan.note("found", f"{feature.kind or 'exit or door'} {name!r}", storey, place_of(feature.shape))
 
 
 @dataclass(frozen=True)
@@ -384,8 +387,8 @@ def _feature(number: int, given: Any, profile: str) -> Feature:
     shape = shapes[0] if len(shapes) == 1 else shapely.GeometryCollection(shapes)
     if profile:
         return Feature(number, shape, "", "", "", None)
-    kind = str(properties.get("kind") or ("exit" if shape.geom_type == "LineString" else "storey")).lower()
-    if kind not in KINDS:
+    kind = str(properties.get("kind") or ("" if shape.geom_type == "LineString" else "storey")).lower()
+    if kind and kind not in KINDS:
         raise ValueError(f"feature {number}: unknown kind {kind!r}; {did_you_mean(kind, KINDS)}")
     z = properties.get("z")
     if z is not None and (isinstance(z, bool) or not isinstance(z, int | float)):

@@ -210,6 +210,33 @@ def test_a_steep_shaft_beside_a_misspelt_key_is_told_with_its_key_and_a_length()
     assert sorted(told) == ["length = 1.6", 'turn = "left"', 'upper = "high"']
 
 
+@pytest.mark.parametrize(
+    ("section", "left_out", "remedy"),
+    [
+        ("shafts", ("rise", "going"), "rise = 0.17\ngoing = 0.29"),
+        ("shafts", ("going",), "going = 0.29"),
+        ("shafts", ("width",), "width = 1.2"),
+        ("stairs", ("length",), "length = 5.12"),
+    ],
+)
+def test_the_remedy_of_a_stair_without_its_size_gives_the_size(section, left_out, remedy):
+    sizes = {"rise": 0.15, "going": 0.3, "foot": [4, 2], "width": 1.4, "direction": [1, 0]}
+    if section == "stairs":
+        sizes = {"length": 4.2, "lower_edge": [[4, 1.3], [4, 2.7]], "direction": [1, 0]}
+    stair = {"name": "one", "lower": "low", "upper": "high"} | sizes
+    for key in left_out:
+        del stair[key]
+    storeys = [
+        {"name": "low", "polygons": [[0, 0], [20, 0], [20, 6], [0, 6]]},
+        {"name": "high", "like": "low", "z": 3.0},
+    ]
+    table = {"storeys": storeys, section: [stair]}
+    (error,) = [one for one in errors_of(table) if one.kind == "error"]
+    assert (error.item, error.remedy) == (f"{section}.one", remedy)
+    mend(table, error)
+    assert not [one for one in errors_of(table) if one.kind == "error"]
+
+
 def test_the_remedy_of_doors_without_a_wall_is_the_wall_of_their_storey():
     plan = Plan()
     rooms = [box(6 * k, 0, 6 * k + 6, 6) for k in range(4)]

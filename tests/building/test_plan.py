@@ -314,3 +314,12 @@ def test_a_turned_flight_whose_edges_are_rounded_meets_its_floor():
     plan.storey("first", floor, 3.0)
     plan.flight("stair", [(1.956, -0.416), (2.206, 0.758)], 0.0, [(6.612, -1.405), (6.862, -0.232)], 3.0)
     assert len(plan.building(need_exit=False).portals) == 2
+
+
+@pytest.mark.parametrize("far", [1e11, np.inf])
+def test_a_segment_far_away_is_named_by_its_numbers(far):
+    plan = Plan()
+    with pytest.raises(BuildingError) as caught:
+        plan.opening("floor", np.array([[far, 0.0], [far, 1.0]]))
+    assert "array" not in str(caught.value)
+    assert f"[[{far!r}, 0.0], [{far!r}, 1.0]]" in str(caught.value)

@@ -121,6 +121,7 @@ def test_an_exit_on_no_storey_makes_a_deck_incomplete(tmp_path, height):
 def test_the_people_of_evac_lines_start_and_a_corridor_between_storeys_is_named_with_its_ends(tmp_path):
     crowd = "&EVAC ID='crowd', NUMBER_INITIAL_PERSONS=7, XB=1.0,5.0,1.0,7.0,0.4,1.6 /\n"
     door = "&EXIT ID='door', XB=12.0,12.0,3.4,4.6,0.4,1.6, IOR=1 /\n"
+    geometry = "&GEOM ID='column', VERTS=5,3,0, 6,3,0, 6,4,0, 5,4,0, 5.5,3.5,2, FACES=1,2,5, 2,3,5, 3,4,5, 4,1,5 /\n"
     down = (
         "&DOOR ID='Down', IOR=-1, XB=0.2,0.2,3.0,4.2,3.4,4.6, TO_NODE='Way' /\n"
         "&CORR ID='Way', EFF_LENGTH=8.0, TO_NODE='In' /\n"
@@ -129,10 +130,9 @@ def test_the_people_of_evac_lines_start_and_a_corridor_between_storeys_is_named_
     (tmp_path / "a.fds").write_text(WALLS + FIRE.format("0.0,3.0") + door + crowd)
     made = import_building([tmp_path / "a.fds"], tmp_path / "case")
     assert (made.missing, [room.number for room in made.rooms]) == ((), [7])
-    (tmp_path / "a.fds").write_text(WALLS + FIRE.format("0.0,3.0") + door + crowd + down)
+    (tmp_path / "a.fds").write_text(WALLS + FIRE.format("0.0,3.0") + door + crowd + down + geometry)
     made = import_building([tmp_path / "a.fds"], tmp_path / "other")
-    (text,) = made.missing
-    assert "&CORR Way" in text
+    assert [text.partition(" (")[0] for text in made.missing] == ["&CORR Way", "&GEOM column"]
     told = [one.text for one in made.findings if one.kind == "left out"]
     assert [text for text in told if "&DOOR Down (line 9), to WAY, at [[0.2, 3.0], [0.2, 4.2]], z = 3.00 m" in text]
     assert [text for text in told if "&ENTR In (line 11), at [[0.2, 5.0], [0.2, 6.2]], z = 0.00 m" in text]

@@ -140,7 +140,7 @@ def segment_of(given: Shape) -> FloatArray:
     if ends.shape != (2, 2) or not (np.abs(ends) <= FARTHEST).all() or np.hypot(*(ends[1] - ends[0])) < LEAST_LENGTH:
         raise ValueError(
             f"a segment must be two different points [[x1, y1], [x2, y2]], at most {FARTHEST:g} m from the "
-            f"origin, not {given!r}"
+            f"origin, not {ends.tolist() if ends.size else given!r}"
         )
     return rounded(ends)
 

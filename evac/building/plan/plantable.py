@@ -28,6 +28,8 @@ from evac.building.surface.patches import patches_of
 
 #: Keys that are arguments of `Plan`.
 NUMBERS = ("headroom", "north")
+#: Rise and going of the steps of a stair that states none [m].
+USUAL = {"rise": 0.17, "going": 0.29}
 #: Lists of tables; the keys of a table are the arguments of the method of `Plan` with the name in the singular.
 SECTIONS = (
     *("storeys", "rooms", "stairs", "shafts", "flights", "landings"),
@@ -99,7 +101,7 @@ def _added(plan: Plan, section: str, index: int, item: Any, folder: Path, prefix
 
     def mended(row: Mapping[str, Any], text: str, most: int = 3) -> tuple[list[tuple[str, str]], Mapping[str, Any]]:
         """Return the errors of a row with their remedies, each of which removes one, and the row without them."""
-        changes = [(refusal_of(changed), changed, remedy) for changed, remedy in _changed(section, row)]
+        changes = [(refusal_of(changed), changed, remedy) for changed, remedy in _changed(plan, section, row)]
         for again, changed, remedy in sorted(changes, key=lambda change: change[0] is not None):
             if again is None:
                 return [(text, remedy)], changed
@@ -137,8 +139,8 @@ def _known(section: str) -> dict[str, inspect.Parameter]:
     return {key: parameter for key, parameter in parameters.items() if key != "self"}
 
 
-def _changed(section: str, row: Mapping[str, Any]) -> Iterator[tuple[Mapping[str, Any], str]]:
-    """Yield a row with one key renamed or removed, and the remedy that this is."""
+def _changed(plan: Plan, section: str, row: Mapping[str, Any]) -> Iterator[tuple[Mapping[str, Any], str]]:
+    """Yield a row with one key renamed, removed or added, and the remedy that this is."""
     known = _known(section)
     for wrong in (key for key in row if key not in known):
         for close in difflib.get_close_matches(wrong, known.keys() - row.keys(), 1, 0.5):
@@ -147,6 +149,13 @@ def _changed(section: str, row: Mapping[str, Any]) -> Iterator[tuple[Mapping[str
     for wrong in row:
         if wrong not in known or (wrong != "name" and known[wrong].default is not inspect.Parameter.empty):
             yield {key: value for key, value in row.items() if key != wrong}, f"remove {wrong}"
+    added = [USUAL, {"going": USUAL["going"]}, {"width": 1.2}] if section == "shafts" else []
+    ends = [one for one in plan.storeys.values() if one.name in (row.get("lower"), row.get("upper"))]
+    if section == "stairs" and len(ends) == 2:
+        slope = USUAL["going"] / USUAL["rise"] / (2.0 if "turn" in row else 1.0)
+        added = [{"length": round(abs(ends[0].z - ends[1].z) * slope, 2)}]
+    for more in (one for one in added if not one.keys() & row.keys()):
+        yield {**row, **more}, "\n".join(f"{key} = {value:g}" for key, value in more.items())
 
 
 def table_of(plan: Plan) -> dict[str, Any]:
