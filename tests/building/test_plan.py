@@ -323,3 +323,10 @@ def test_a_segment_far_away_is_named_by_its_numbers(far):
         plan.opening("floor", np.array([[far, 0.0], [far, 1.0]]))
     assert "array" not in str(caught.value)
     assert f"[[{far!r}, 0.0], [{far!r}, 1.0]]" in str(caught.value)
+
+
+@pytest.mark.parametrize("width", [0.0, 1e-12])
+def test_a_door_without_a_width_at_a_wall_is_refused(width):
+    plan = Plan()
+    with pytest.raises(BuildingError, match="width must be at least"):
+        plan.door("door", "floor", {"rooms": ["hall", "shop"], "at": 2.5, "width": width})

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from evac.building.surface.surfacemesh import SurfaceMesh
 #: Ending of the names of plan files.
 PLAN = ".plan.toml"
-#: Least height and depth of a step [m].
+#: Least height and depth of a step, and least width of a door at a wall [m].
 LEAST_STEP = 0.05
 #: Options for a door with a room on one side only.
 OUTSIDE = ("refuse", "exit", "opening")
@@ -749,6 +749,7 @@ class Plan:
                 f"and may have {', '.join(key for key in known if key != 'side')}; not {given!r}"
             )
         self._check_numbers(what, 0.0, **values)
+        self._check_numbers(what, LEAST_STEP, width=values.get("width"))
         return Tie(tuple(rooms), **values)
 
     def _vector(self, what: str, key: str, value: Any, *, may_be_zero: bool = False) -> FloatArray:
