@@ -57,6 +57,8 @@ BODIES = frozenset(("REGION", "3DSOLID", "BODY", "SURFACE", "MESH", "POLYLINE", 
 FINEST = 1e-4
 #: Largest coordinate, beyond which GEOS may loop [units].
 FURTHEST = 1e12
+#: Greatest difference of the heights of faces of one floor [m or other units].
+FLAT = 0.5
 #: Largest gap between the ends of a polyline that is treated as closed [m].
 CLOSED = 1e-3
 #: Width from which a polyline is an outline; greatest width of the outline of a wall; thickness of a door's leaf [m].
@@ -70,6 +72,7 @@ ROOM_LAYER = re.compile("area|room|raum|space|zone|piece|local", re.IGNORECASE)
 #: Why entities are left out.
 NAMED, HIDDEN = "since it or their block is named so", "since it is off or frozen"
 UNNAMED = "since other layers have the floor"
+STEEP = "since faces at several heights are not read; export them as .obj or .stl"
 LOOSE = "a line of {:.2f} m encloses nothing; a larger gap may close it"
 #: Areas of rooms that are believed [m2], and units that are tried where doors are too wide or too narrow, or where
 #: lines enclose no room [m].
@@ -146,7 +149,8 @@ class DxfImporter(Importer):
             text = f"layer {layer!r}: {counted(number, 'entity', 'entities')} left out, {why}"
             plan.note("left out", text, element=f"layer {layer!r}", number=number)
         if not shapes:
-            raise BuildingError(f"{path}: {_no_floor(document)}")
+            lost = "".join(f"; layer {layer!r} is left out, {why}" for layer, why in sorted(left_out)[:3])
+            raise BuildingError(f"{path}: {_no_floor(document)}{lost}")
         arcs = [shape for shape in shapes if shape.is_curve and shape.use != "stairs"]
         arcs = [shape for shape in arcs if shape.use == "doors"] or arcs
         swings = [swing for shape in arcs if (swing := swing_of(_corners(shape, 0.0))) is not None]
@@ -207,6 +211,7 @@ class DxfImporter(Importer):
 
         hidden = {one.dxf.name for one in document.layers if one.is_off() or one.is_frozen()}
         fills: dict[tuple[str, str], list[BaseGeometry]] = {}
+        heights = set[float]()
         for layer, names, entity in _entities(document.modelspace(), (), 0, [0]):
             kind = entity.dxftype()
             is_line = kind in LINES and (kind != "POLYLINE" or entity.is_2d_polyline or entity.is_3d_polyline)
@@ -223,6 +228,7 @@ class DxfImporter(Importer):
                 ground = shapely.Polygon(paths[0][1]) if kind in FILLS and len(paths[0][1]) > 2 else None
                 if ground is not None and ground.area > 0.0:
                     fills.setdefault((layer, use), []).append(shapely.make_valid(ground))
+                    heights.update(vertex.z for vertex in paths[0][0].control_vertices() if use != "walls")
                     continue
                 rings = [shapely.Polygon(frame) for _, frame in paths if len(frame) > 3 and kind == "HATCH"]
                 is_fill = kind == "HATCH" and (len(paths) == 1 or not all(ring.is_valid for ring in rings))
@@ -234,6 +240,9 @@ class DxfImporter(Importer):
                 handle = entity.dxf.get("handle", "")
                 text = f"{kind} {handle} on layer {layer!r} cannot be read: {text_of(error)}"
                 raise ValueError(text) from error
+        if heights and max(heights) - min(heights) > FLAT:
+            left_out.update((layer, STEEP) for (layer, use), parts in fills.items() for _ in parts if use != "walls")
+            fills = {key: parts for key, parts in fills.items() if key[1] == "walls"}
         for (layer, use), parts in fills.items():
             for ring in shapely.get_rings(shapely.get_parts(shapely.union_all(parts))):
                 path = from_vertices(ring.coords)
@@ -590,9 +599,9 @@ def _opened(path: Path, repair: bool) -> tuple[Any, list[str]]:
     try:
         return ezdxf.readfile(path), []
     except Exception as first:  # ezdxf raises errors of many types for damaged files
-        why = (
-            text_of(first) if isinstance(first, ezdxf.DXFError) else "a record lacks values, or has others than it must"
-        )
+        why = text_of(first)
+        if not isinstance(first, ezdxf.DXFError) or "<class" in why:
+            why = "a record lacks values, or has others than it must"
         if not repair:
             raise ValueError(f"not a DXF file, or damaged: {why} (repair = true repairs it)") from first
         try:

@@ -177,3 +177,17 @@ def test_lines_that_enclose_no_room_are_left_out_with_their_place(drawing, tmp_p
     plan = plan_of(drawing, tmp_path)
     assert ground(plan.building(need_exit=False)) == pytest.approx(40.0)
     assert any("(34.00" in line and "enclose no room" in line for line in findings(plan, "left out"))
+
+
+def test_faces_at_several_heights_are_left_out_with_the_format_that_keeps_them(drawing, tmp_path):
+    space = drawing.modelspace()
+    for x, z in ((0, 0.0), (15, 3.0)):
+        corners = [(x, 0, z), (x + 10, 0, z), (x + 10, 8, z), (x, 8, z)]
+        space.add_3dface(corners, dxfattribs={"layer": "FLOORS"})
+    with pytest.raises(BuildingError, match="'FLOORS' is left out, since faces at several heights") as caught:
+        plan_of(drawing, tmp_path)
+    assert ".obj" in str(caught.value)
+    add(space, "WALLS", ROOM)
+    assert ground(building_of(drawing, tmp_path)) == pytest.approx(40.0)
+    (text,) = [one for one in findings(plan_of(drawing, tmp_path), "left out") if "FLOORS" in one]
+    assert "2 entities" in text
