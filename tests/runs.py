@@ -32,6 +32,19 @@ def model_of(model):
     return {"contact.model": model}
 
 
+def two_doors(folder):
+    """The table of a case of 16 people in a room of 5 m by 4 m with the exits front and back."""
+    path = folder / "room.obj"
+    path.write_text("v 0 0 0\nv 5 0 0\nv 5 4 0\nv 0 4 0\nf 1 2 3 4\n", encoding="utf-8")
+    exits = [{"name": name, "segment": [[x, 1.0], [x, 2.5]], "z": 0.0} for name, x in (("front", 5.0), ("back", 0.0))]
+    area = {"name": "all", "polygon": [[0.5, 0.5], [4.5, 0.5], [4.5, 3.5], [0.5, 3.5]], "z": 0.0}
+    return {
+        "building": {"mesh": str(path), "exits": exits, "areas": [area]},
+        "contact": {"model": "nsm2"},
+        "people": [{"name": "people", "number": 16, "area": "all"}],
+    }
+
+
 def in_the_room(tmp_path, text, positions=None, **changes):
     """The square room with one plugin, and people where they are told."""
     plugin = tmp_path / "odd.py"

@@ -18,23 +18,10 @@ from evac.folder.files import CHECKPOINT_NAME
 from evac.replay.writer import replay_trajectory
 from evac.results.ending import Stopped
 from evac.simulation.checkpoints import find_checkpoint
+from tests.runs import two_doors
 
 QUIET = {"output.picture": False, "output.animation": False}
 TABLES = ("people.csv", "egress.csv", "trajectory.evac")
-
-HALL = {
-    "building": {
-        "exits": [
-            {"name": "front", "segment": [[5.0, 1.0], [5.0, 2.5]], "z": 0.0},
-            {"name": "back", "segment": [[0.0, 1.0], [0.0, 2.5]], "z": 0.0},
-        ],
-        "areas": [{"name": "all", "polygon": [[0.5, 0.5], [4.5, 0.5], [4.5, 3.5], [0.5, 3.5]], "z": 0.0}],
-    },
-    "contact": {"model": "nsm2"},
-    "simulation": {"duration": 6.0},
-    "output": {"picture": False, "animation": False, "every": 0.2},
-    "people": [{"name": "people", "number": 16, "area": "all"}],
-}
 
 PLUGIN = """
     import numpy as np
@@ -82,9 +69,8 @@ PLUGIN = """
 @pytest.fixture
 def hall(tmp_path):
     """Return the table of a room with the exits front and back."""
-    path = tmp_path / "hall.obj"
-    path.write_text("v 0 0 0\nv 5 0 0\nv 5 4 0\nv 0 4 0\nf 1 2 3 4\n", encoding="utf-8")
-    return {**HALL, "building": {**HALL["building"], "mesh": str(path)}}
+    output = {"picture": False, "animation": False, "every": 0.2}
+    return two_doors(tmp_path) | {"simulation": {"duration": 6.0}, "output": output}
 
 
 @pytest.fixture
@@ -217,11 +203,11 @@ def test_a_plugin_that_was_given_is_to_be_given_again_and_unchanged(tmp_path, cl
 def test_other_versions_and_files_are_refused_unless_allowed(tmp_path, hall, monkeypatch):
     kill(evac.load(hall), tmp_path / "r", 1.5)
     monkeypatch.setattr("evac.simulation.checkpoints.versions", lambda: {"numpy": "0.1"})
-    mesh = tmp_path / "hall.obj"
+    mesh = tmp_path / "room.obj"
     mesh.write_text(mesh.read_text() + "# changed\n")
     with pytest.raises(ResultError) as caught:
         evac.resume(tmp_path / "r")
-    for words in ("version numpy: ", "0.1 now", "file hall.obj: "):
+    for words in ("version numpy: ", "0.1 now", "file room.obj: "):
         assert words in str(caught.value)
     evac.resume(tmp_path / "r", allow_differences=True)
     (resumed,) = json.loads((tmp_path / "r" / "summary.json").read_text())["resumed"]

@@ -7,30 +7,14 @@ import evac
 from evac.base.errors import ScenarioError
 from evac.building.model.links import building_at
 from evac.simulation.simulation import Simulation
-from tests.runs import assert_same_bits
+from tests.runs import assert_same_bits, two_doors
 
 
 @pytest.fixture
 def room(tmp_path):
     """Return a case of a room of 5 m by 4 m with the exits front and back."""
-    path = tmp_path / "room.obj"
-    path.write_text("v 0 0 0\nv 5 0 0\nv 5 4 0\nv 0 4 0\nf 1 2 3 4\n", encoding="utf-8")
-    exits = [
-        {"name": "front", "segment": [[5.0, 1.0], [5.0, 2.5]], "z": 0.0},
-        {"name": "back", "segment": [[0.0, 1.0], [0.0, 2.5]], "z": 0.0},
-    ]
-    table = {
-        "building": {
-            "mesh": str(path),
-            "exits": exits,
-            "areas": [{"name": "all", "polygon": [[0.5, 0.5], [4.5, 0.5], [4.5, 3.5], [0.5, 3.5]], "z": 0.0}],
-        },
-        "contact": {"model": "nsm2"},
-        "simulation": {"duration": 60.0},
-        "people": [{"name": "people", "number": 16, "area": "all"}],
-        "behaviours": {"headway": {}, "route_choice": {}},
-    }
-    return evac.load(table)
+    more = {"simulation": {"duration": 60.0}, "behaviours": {"headway": {}, "route_choice": {}}}
+    return evac.load(two_doors(tmp_path) | more)
 
 
 def ticks(simulation, number):
