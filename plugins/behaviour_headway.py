@@ -101,7 +101,7 @@ def apply_rules(world: World, crowd: Crowd, outside: Outside, sights: Sights, ru
 
 
 @inner
-def add_repulsions(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
+def add_repulsions(world, crowd, sights, rule):
     """Add the repulsions a exp((l - s) / D) from people nearby to the directions of all people inside.
 
     The loops are not divided into functions, since a call with structs costs as much as processing ten people.
@@ -127,7 +127,7 @@ def add_repulsions(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
 
 
 @inner
-def reduce_speeds(world, crowd, outside, sights, rule):  # type: ignore[no-untyped-def]
+def reduce_speeds(world, crowd, outside, sights, rule):
     """Reduce the speed factors of people close to the nearest person for whom they slow down."""
     for i in range(crowd.level.shape[0]):
         full = rule.time_gap * sights.wanted[i]
@@ -156,7 +156,7 @@ def reduce_speeds(world, crowd, outside, sights, rule):  # type: ignore[no-untyp
 
 
 @inner
-def brakes_for(crowd, sights, i, j, dx, dy):  # type: ignore[no-untyped-def]
+def brakes_for(crowd, sights, i, j, dx, dy):
     """Return whether person i slows down for j, who is ahead at (dx, dy): not if j is behind on the same way.
 
     Of two people outside only the one who is nearer to its exit may slow down, so that nobody waits there for ever.

@@ -156,7 +156,7 @@ def follow(crowd: Crowd, fields: PackedFields, classes: Classes, rules: Rules, t
 
 
 @inner
-def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[no-untyped-def]
+def pace_members(crowd, fields, classes, rules, time, g, own):
     """Apply the rules for members to class g, whose teacher has the remaining travel time `own`.
 
     Writes the members behind the teacher to ``classes.behind`` and ``classes.speed``; returns their number.
@@ -194,7 +194,7 @@ def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[n
 
 
 @inner
-def insert_in_line(classes, count, remaining, speed):  # type: ignore[no-untyped-def]
+def insert_in_line(classes, count, remaining, speed):
     """Insert a member into the line of `count` people behind a teacher, which is sorted by travel time."""
     place = count
     while place > 0 and classes.behind[place - 1] > remaining:
@@ -206,7 +206,7 @@ def insert_in_line(classes, count, remaining, speed):  # type: ignore[no-untyped
 
 
 @inner
-def widest_gap(own, classes, count):  # type: ignore[no-untyped-def]
+def widest_gap(own, classes, count):
     """Return the longest time [s] that a person in the line needs to the present position of the next one ahead."""
     widest, ahead = 0.0, own
     for k in range(count):
@@ -216,7 +216,7 @@ def widest_gap(own, classes, count):  # type: ignore[no-untyped-def]
 
 
 @inner
-def teacher_factor(memory, g, last, share, patience, tick):  # type: ignore[no-untyped-def]
+def teacher_factor(memory, g, last, share, patience, tick):
     """Return the speed factor of a teacher at a gap of `share` times `lag`, and update its waiting time."""
     pace = min(max(2.0 * (1.0 - share), 0.0), 1.0)
     if pace == 1.0:
@@ -230,7 +230,7 @@ def teacher_factor(memory, g, last, share, patience, tick):  # type: ignore[no-u
 
 
 @inner
-def add_waiting_time(memory, g, seen, vain, remaining, spent):  # type: ignore[no-untyped-def]
+def add_waiting_time(memory, g, seen, vain, remaining, spent):
     """Add the time `spent` [s] to column `vain`, or reset it if the travel time has decreased below column `seen`."""
     if remaining < memory[g, seen] - PROGRESS:
         memory[g, seen] = remaining

@@ -314,7 +314,7 @@ def walk(
 
 
 @inner
-def decide(world, crowd, sights, seen, motion, rule, turn, time, i):  # type: ignore[no-untyped-def]
+def decide(world, crowd, sights, seen, motion, rule, turn, time, i):
     """Set heading and speed of person i."""
     wanted = sights.wanted[i]
     is_inside = sights.level[i] < sights.levels
@@ -341,7 +341,7 @@ def decide(world, crowd, sights, seen, motion, rule, turn, time, i):  # type: ig
 
 
 @inner
-def get_on(world, crowd, sights, seen, motion, rule, length, turn, time, most, i):  # type: ignore[no-untyped-def]
+def get_on(world, crowd, sights, seen, motion, rule, length, turn, time, most, i):
     """Set the heading of person i; return the speed that people left along the best one at most, and its speed."""
     wanted = sights.wanted[i]
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
@@ -385,7 +385,7 @@ def get_on(world, crowd, sights, seen, motion, rule, length, turn, time, most, i
 
 
 @inner
-def look(world, crowd, sights, seen, motion, rule, length, most, i):  # type: ignore[no-untyped-def]
+def look(world, crowd, sights, seen, motion, rule, length, most, i):
     """List the people near person i who may leave it less than the speed `most`, or touch it."""
     wanted, is_inside = sights.wanted[i], sights.level[i] < sights.levels
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
@@ -433,7 +433,7 @@ def look(world, crowd, sights, seen, motion, rule, length, most, i):  # type: ig
 
 
 @inner
-def ground_velocity(world, sights, i):  # type: ignore[no-untyped-def]
+def ground_velocity(world, sights, i):
     """Return the velocity of the ground under person i, which moves on escalators; to it, all others are relative."""
     level = sights.level[i]
     if 0 <= level < sights.levels:
@@ -442,7 +442,7 @@ def ground_velocity(world, sights, i):  # type: ignore[no-untyped-def]
 
 
 @inner
-def is_seen(world, sights, seen, i, k):  # type: ignore[no-untyped-def]
+def is_seen(world, sights, seen, i, k):
     """Return whether person i sees the k-th person near it."""
     if seen.sight[k] == UNKNOWN:
         seen.sight[k] = IN_SIGHT if sees(world, sights, i, seen.who[k]) else HIDDEN
@@ -450,7 +450,7 @@ def is_seen(world, sights, seen, i, k):  # type: ignore[no-untyped-def]
 
 
 @inner
-def relation_of(crowd, sights, motion, i, j, dx, dy):  # type: ignore[no-untyped-def]
+def relation_of(crowd, sights, motion, i, j, dx, dy):
     """Return what person j, at (dx, dy) from i, is to it."""
     if sights.wanted[j] <= 0.0:
         return STANDS
@@ -463,7 +463,7 @@ def relation_of(crowd, sights, motion, i, j, dx, dy):  # type: ignore[no-untyped
 
 
 @inner
-def speed_behind(seen, rule, k, hx, hy, length):  # type: ignore[no-untyped-def]
+def speed_behind(seen, rule, k, hx, hy, length):
     """Return the speed along h that the k-th person, who walks ahead, leaves."""
     dx, dy = seen.place[k, 0], seen.place[k, 1]
     if hx * dx + hy * dy <= 0.0:
@@ -481,7 +481,7 @@ def speed_behind(seen, rule, k, hx, hy, length):  # type: ignore[no-untyped-def]
 
 
 @inner
-def free_way(crowd, seen, motion, rule, k, wanted, i, hx, hy):  # type: ignore[no-untyped-def]
+def free_way(crowd, seen, motion, rule, k, wanted, i, hx, hy):
     """Return how far person i can walk along h until it touches the k-th person, who keeps its velocity [m]."""
     dx, dy, s = seen.place[k, 0], seen.place[k, 1], seen.distance[k]
     rx, ry = wanted * hx - seen.velocity[k, 0], wanted * hy - seen.velocity[k, 1]
@@ -499,7 +499,7 @@ def free_way(crowd, seen, motion, rule, k, wanted, i, hx, hy):  # type: ignore[n
 
 
 @inner
-def choose_heading(world, crowd, sights, seen, motion, rule, length, i):  # type: ignore[no-untyped-def]
+def choose_heading(world, crowd, sights, seen, motion, rule, length, i):
     """Return the heading along which person i gets on best; of two alike, the one nearer to its way or to the right."""
     ex, ey, wanted = sights.direction[i, 0], sights.direction[i, 1], sights.wanted[i]
     best, fastest, bx, by, last = -math.inf, 0.0, ex, ey, -1
@@ -534,7 +534,7 @@ def choose_heading(world, crowd, sights, seen, motion, rule, length, i):  # type
 
 
 @inner
-def step_from_walls(world, crowd, sights, motion, rule, i):  # type: ignore[no-untyped-def]
+def step_from_walls(world, crowd, sights, motion, rule, i):
     """Return the step aside, to the left and relative to the way ahead, by which person i clears walls.
 
     Its distance from a wall is the one after the time in which heading and velocity follow.
@@ -562,7 +562,7 @@ def step_from_walls(world, crowd, sights, motion, rule, i):  # type: ignore[no-u
 
 
 @inner
-def keep_off(world, crowd, sights, seen, rule, i, vx, vy):  # type: ignore[no-untyped-def]
+def keep_off(world, crowd, sights, seen, rule, i, vx, vy):
     """Return a velocity without the part that leads into bodies within `stop_time`."""
     for _ in range(2):
         for k in range(seen.number):
@@ -596,7 +596,7 @@ def keep_off(world, crowd, sights, seen, rule, i, vx, vy):  # type: ignore[no-un
 
 
 @inner
-def squeeze_nobody(world, crowd, sights, seen, rule, i, vx, vy):  # type: ignore[no-untyped-def]
+def squeeze_nobody(world, crowd, sights, seen, rule, i, vx, vy):
     """Return a velocity that does not lead into those who stand where a wall holds the body back."""
     px, py = vx, vy
     x, y = sights.position[i, 0], sights.position[i, 1]

@@ -11,7 +11,7 @@ from evac.physics.force import Force
 
 
 @pair_force
-def social(gap, nx, ny, vx, vy, ex, ey, parameters):  # type: ignore[no-untyped-def]
+def social(gap, nx, ny, vx, vy, ex, ey, parameters):
     """Return the force of eq. 34 [N], with e_ij pointing away from j and cos phi = 1 if j is straight ahead.
 
     It is zero beyond the gap at which it is below the tolerance. See docs/physics.md.

@@ -370,7 +370,7 @@ def _rises(own: Mapping[str, Any]) -> bool:
     """Return whether the properties `height` and `base_height` of a feature make it a body in the way of people."""
     height, base = own.get("height"), own.get("base_height", 0.0)
     is_given = all(isinstance(one, int | float) for one in (height, base)) and own.get("kind") is None
-    return is_given and base < HEADS and height - base > STEP  # type: ignore[operator]
+    return is_given and base < HEADS and height - base > STEP
 
 
 def _feature(number: int, given: Any, profile: str) -> Feature:

@@ -45,7 +45,7 @@ llvm.set_option("evac", "-memdep-block-number-limit=50")
 OPTIMISATION = 3
 
 
-class _Library(codegen.AOTCodeLibrary):  # type: ignore[misc]
+class _Library(codegen.AOTCodeLibrary):
     """The lowered code of one function, and the libraries that it calls."""
 
     def _optimize_functions(self, module: Any) -> None:
@@ -70,7 +70,7 @@ class _Library(codegen.AOTCodeLibrary):  # type: ignore[misc]
         return module
 
 
-class _Codegen(codegen.AOTCPUCodegen):  # type: ignore[misc]
+class _Codegen(codegen.AOTCPUCodegen):
     """Code generator for libraries that are optimised only after linking."""
 
     _library_class = _Library
@@ -88,7 +88,7 @@ def _codegen() -> _Codegen:
     return _Codegen("evac")
 
 
-class _Context(cpu.CPUContext):  # type: ignore[misc]
+class _Context(cpu.CPUContext):
     """Target context without wrappers for Python; it supports numbers, tuples, ranges and mathematical functions."""
 
     # numba asks for the size of a type at each variable.
@@ -126,7 +126,7 @@ _plain: dict[Any, Any] = {}
 _resolved: dict[tuple[Any, Any], Any] = {}
 
 
-class _Typing(typing.Context):  # type: ignore[misc]
+class _Typing(typing.Context):
     """Typing context of kernels.
 
     Attributes for which numba would compile functions, mainly those of its arrays, are omitted, since registering them
@@ -160,14 +160,14 @@ class _Typing(typing.Context):  # type: ignore[misc]
         return super().resolve_value_type(value)
 
 
-class _Target(TargetDescriptor):  # type: ignore[misc]
+class _Target(TargetDescriptor):
     options = cpu.CPUTargetOptions
 
     typing_context = _Typing()
     target_context = _Context(typing_context, "cpu")
 
 
-class _Pipeline(compiler.CompilerBase):  # type: ignore[misc]
+class _Pipeline(compiler.CompilerBase):
     """The compiler passes of numba without those for closures, generators, array expressions and reference counts."""
 
     def define_pipelines(self) -> list[PassManager]:
@@ -193,7 +193,7 @@ def _widened(kind: types.Type) -> types.Type:
     return types.int64 if isinstance(kind, types.Integer) else kind
 
 
-class _Dispatcher(dispatcher.Dispatcher):  # type: ignore[misc]
+class _Dispatcher(dispatcher.Dispatcher):
     """Dispatcher of one function for numba's front end."""
 
     targetdescr = _Target("cpu")
@@ -244,7 +244,7 @@ def _without_collections() -> Generator[None, None, None]:
             gc.enable()
 
 
-@global_compiler_lock  # type: ignore[untyped-decorator]
+@global_compiler_lock
 @_without_collections()
 def compile_entry(entry: Entry, symbol: str) -> bytes:
     """Compile a kernel; return its object code, in which it has the name `symbol`."""

@@ -25,7 +25,7 @@ _WORD = ir.IntType(64)
 _ADDRESS = _WORD.as_pointer()
 
 
-class StructType(types.Type):  # type: ignore[misc]
+class StructType(types.Type):
     """A struct, passed as a pointer to its memory."""
 
     def __init__(self, struct: type[Struct]) -> None:
@@ -38,7 +38,7 @@ class StructType(types.Type):  # type: ignore[misc]
         return self.struct
 
 
-class BufferType(types.Type):  # type: ignore[misc]
+class BufferType(types.Type):
     """An array, passed as a pointer to its header."""
 
     def __init__(self, kind: Array) -> None:
@@ -71,13 +71,13 @@ def type_of(kind: Kind) -> types.Type:
 
 @register_model(StructType)
 @register_model(BufferType)
-class _PointerModel(models.PrimitiveModel):  # type: ignore[misc]
+class _PointerModel(models.PrimitiveModel):
     def __init__(self, manager: Any, front_end_type: Any) -> None:
         super().__init__(manager, front_end_type, _ADDRESS)
 
 
 @register_model(RowType)
-class _RowModel(models.StructModel):  # type: ignore[misc]
+class _RowModel(models.StructModel):
     def __init__(self, manager: Any, front_end_type: Any) -> None:
         super().__init__(manager, front_end_type, [("data", types.int64), ("length", types.int64)])
 
@@ -97,7 +97,7 @@ def _load_constant(builder: Any, pointer: Any) -> Any:
 
 
 @infer_getattr
-class _StructAttributes(AttributeTemplate):  # type: ignore[misc]
+class _StructAttributes(AttributeTemplate):
     key = StructType
 
     def generic_resolve(self, struct: StructType, name: str) -> types.Type | None:
@@ -134,7 +134,7 @@ def _set_attribute(context: Any, builder: Any, sig: Any, arguments: Any, name: s
 
 
 @infer_getattr
-class _BufferAttributes(AttributeTemplate):  # type: ignore[misc]
+class _BufferAttributes(AttributeTemplate):
     key = BufferType
 
     def resolve_shape(self, buffer: BufferType) -> types.Type:
@@ -157,7 +157,7 @@ def _get_shape(context: Any, builder: Any, buffer: BufferType, value: Any, name:
 
 
 @infer_global(len)
-class _Length(AbstractTemplate):  # type: ignore[misc]
+class _Length(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         return signature(types.int64, args[0]) if isinstance(args[0], BufferType) else None
 
@@ -181,13 +181,13 @@ def _fits(buffer: types.Type, index: types.Type) -> bool:
 
 
 @infer_global(operator.getitem)
-class _GetItem(AbstractTemplate):  # type: ignore[misc]
+class _GetItem(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         return signature(args[0].number, *args) if _fits(*args) else None
 
 
 @infer_global(operator.setitem)
-class _SetItem(AbstractTemplate):  # type: ignore[misc]
+class _SetItem(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         return signature(types.void, args[0], args[1], args[0].number) if _fits(*args[:2]) else None
 
@@ -228,7 +228,7 @@ def _set_item(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 def _callable(key: Any, result: Callable[..., Any], lower: Callable[..., Any]) -> types.Type:
     """Make a numba function type for an object that kernels call; `result` infers the type of its result."""
 
-    class Template(AbstractTemplate):  # type: ignore[misc]
+    class Template(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
             return result(args)
 

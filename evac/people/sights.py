@@ -51,7 +51,7 @@ def make_sights(people: int, levels: int) -> Sights:
 
 
 @inner
-def look_round(world, crowd, outside, sights):  # type: ignore[no-untyped-def]
+def look_round(world, crowd, outside, sights):
     """Set the places of all people, for `list_near` and `sees`; return the number of people inside."""
     inside = 0
     for i in range(crowd.level.shape[0]):
@@ -69,7 +69,7 @@ def look_round(world, crowd, outside, sights):  # type: ignore[no-untyped-def]
 
 
 @inner
-def set_desired_motion(world, crowd, outside, sights, time):  # type: ignore[no-untyped-def]
+def set_desired_motion(world, crowd, outside, sights, time):
     """Set the desired directions and speeds and remaining travel times of all people."""
     for i in range(crowd.level.shape[0]):
         sights.wanted[i] = 0.0
@@ -91,7 +91,7 @@ def set_desired_motion(world, crowd, outside, sights, time):  # type: ignore[no-
 
 
 @inner
-def set_open_distances(world, sights):  # type: ignore[no-untyped-def]
+def set_open_distances(world, sights):
     """Set the distance within which visibility need not be tested: 0 for people with walls nearby."""
     for i in range(sights.level.shape[0]):
         if sights.level[i] >= sights.levels:
@@ -105,7 +105,7 @@ def set_open_distances(world, sights):  # type: ignore[no-untyped-def]
 
 
 @inner
-def list_near(world, sights, i, reach, ex, ey, hx, hy):  # type: ignore[no-untyped-def]
+def list_near(world, sights, i, reach, ex, ey, hx, hy):
     """List all people within `reach` [m] whom person i may see in `sights.near`: those ahead of e or of h.
 
     Of two directions that are zero, everybody is ahead.
@@ -126,7 +126,7 @@ def list_near(world, sights, i, reach, ex, ey, hx, hy):  # type: ignore[no-untyp
 
 
 @inner
-def list_level(sights, i, level, reach, ex, ey, hx, hy):  # type: ignore[no-untyped-def]
+def list_level(sights, i, level, reach, ex, ey, hx, hy):
     """Add the people of a level within `reach` [m] of person i, and ahead of e or h, to `sights.near`."""
     cells = sights.cells
     columns, rows, wraps = cells.columns[level], cells.rows[level], cells.wraps[level]
@@ -161,13 +161,13 @@ def list_level(sights, i, level, reach, ex, ey, hx, hy):  # type: ignore[no-unty
 
 
 @inner
-def extent(along, across):  # type: ignore[no-untyped-def]
+def extent(along, across):
     """Return how far the half of a unit disc ahead of a direction with these components reaches along the first one."""
     return 1.0 if along >= 0.0 else abs(across)
 
 
 @inner
-def is_ahead(crowd, sights, i, j, dx, dy):  # type: ignore[no-untyped-def]
+def is_ahead(crowd, sights, i, j, dx, dy):
     """Return whether person j, at (dx, dy) from i and with a similar heading, is farther ahead on the way."""
     if crowd.route[i] == crowd.route[j] or sights.level[i] >= sights.levels:
         return sights.remaining[j] < sights.remaining[i]
@@ -177,7 +177,7 @@ def is_ahead(crowd, sights, i, j, dx, dy):  # type: ignore[no-untyped-def]
 
 
 @inner
-def sees(world, sights, i, j):  # type: ignore[no-untyped-def]
+def sees(world, sights, i, j):
     """Return whether the straight line from person i to j ends on the level of j and crosses no wall of either level.
 
     The line follows at most two portals, as in `reaches`; walls of a level between two portals are ignored. A person
@@ -201,7 +201,7 @@ def sees(world, sights, i, j):  # type: ignore[no-untyped-def]
 
 
 @inner
-def is_hidden(world, a, ax, ay, b, bx, by):  # type: ignore[no-untyped-def]
+def is_hidden(world, a, ax, ay, b, bx, by):
     """Return whether the straight line from one place to another crosses a wall of level a or b."""
     # A bucket lists the walls within its reach, so this number of buckets along the line covers all crossing walls.
     pieces = int(math.sqrt((bx - ax) ** 2 + (by - ay) ** 2) / (2.0 * world.bucket_reach)) + 1
@@ -218,7 +218,7 @@ def is_hidden(world, a, ax, ay, b, bx, by):  # type: ignore[no-untyped-def]
 
 
 @inner
-def free_of_walls(world, level, x, y, cx, cy, way):  # type: ignore[no-untyped-def]
+def free_of_walls(world, level, x, y, cx, cy, way):
     """Return how far the straight line from a place towards the unit vector c leads until it meets a wall, or `way`."""
     pieces = int(way / (2.0 * world.bucket_reach)) + 1
     free = way
@@ -283,7 +283,7 @@ def watch_walkers(
 
 
 @inner
-def is_in_sight(world, a, ax, ay, b, bx, by, reach):  # type: ignore[no-untyped-def]
+def is_in_sight(world, a, ax, ay, b, bx, by, reach):
     """Return whether a place b is within `reach` [m] of a, and no wall hides it, also through portals."""
     if (bx - ax) ** 2 + (by - ay) ** 2 > reach * reach:
         return False
