@@ -45,8 +45,7 @@ def _assert_ended(started):
     assert all(process.exitcode is not None for process in started)
 
 
-@pytest.mark.parametrize("number", [2, 3])
-@pytest.mark.parametrize("clearance", [0.0, 0.25])
+@pytest.mark.parametrize(("number", "clearance"), [(2, 0.0), (3, 0.25)])
 def test_fields_are_the_same_to_the_bit_for_any_number_of_workers(building, many, number, clearance):
     expected = build_fields(building, ROUTES, clearance=clearance, workers=1)
     assert many == []

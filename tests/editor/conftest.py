@@ -6,13 +6,29 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from evac.base.processes import Pool
 from evac.cli.main import main
 from evac.editor import Server, Session
 
 REPLAY = Path(__file__).parents[1] / "replay"
+
+
+@pytest.fixture(scope="session")
+def judging():
+    """A process that judges the plans of all sessions, because it takes long to start."""
+    with Pool(1, is_quiet=True) as pool:
+        yield pool
+
+
+@pytest.fixture(autouse=True)
+def one_process(judging, monkeypatch):
+    """Let sessions use this process, which none of them ends."""
+    shared = SimpleNamespace(submit=judging.submit, kill=lambda: None)
+    monkeypatch.setattr("evac.editor.session.Pool", lambda workers, is_quiet: shared)
 
 
 @pytest.fixture

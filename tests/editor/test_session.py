@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from evac.base.processes import Pool
 from evac.cli.main import main
 from evac.editor import Session
 from evac.editor.session import ChangedOnDiskError
@@ -108,6 +109,21 @@ def test_findings_are_those_of_evac_check(house, opened, capsys):
     del table["areas"]
     texts = [row["text"] for row in judged(session, table, 3)["findings"]]
     assert any("staff.area" in text for text in texts)  # the case needs it
+
+
+def test_a_process_that_dies_is_told_and_started_again_and_ends_with_the_session(
+    house, opened, started, eventually, monkeypatch
+):
+    monkeypatch.setattr("evac.editor.session.Pool", Pool)
+    session = opened(house)
+    table = session.document()["table"]
+    assert judged(session, table)["errors"] == 0
+    started[0].kill()
+    assert "died" in judged(session, table, 2)["failed"]
+    assert judged(session, table, 3)["errors"] == 0
+    session.close()
+    eventually(lambda: all(process.exitcode is not None for process in started))
+    assert len(started) == 2
 
 
 def test_floor_without_an_exit_is_told(house, opened):

@@ -62,12 +62,12 @@ def test_people_come_at_their_times_and_leave_and_who_stays_is_counted_apart():
 
 def test_a_rate_is_a_poisson_process_of_the_group_alone():
     numbers = []
-    for seed in range(40):
+    for seed in range(20):
         simulation = Simulation(hall(GATE, **{"simulation.seed": seed}), will_run=False)
         (source,) = simulation.population.sources
         assert ((source.due >= 2.0) & (source.due < 15.0)).all()
         numbers.append(len(source.due))
-    assert np.mean(numbers) == pytest.approx(13.0, abs=3.0 * np.sqrt(13.0 / 40))
+    assert np.mean(numbers) == pytest.approx(13.0, abs=3.0 * np.sqrt(13.0 / 20))
     assert np.var(numbers) == pytest.approx(13.0, rel=0.7)
     both = Simulation(hall(GATE, TRAIN), will_run=False).population.sources
     alone = Simulation(hall(GATE), will_run=False).population.sources
