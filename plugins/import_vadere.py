@@ -35,7 +35,7 @@ class VadereImporter(Importer):
         """Read the topography; raise ValueError if the file has none."""
         plan = Plan(path)
         try:
-            topography = json.loads(path.read_text(encoding="utf-8-sig"), parse_float=_number)["scenario"]["topography"]
+            topography = json.loads(path.read_text(encoding="utf-8-sig"))["scenario"]["topography"]
             own = topography["attributes"]
             ground = _shape({**own["bounds"], "type": "RECTANGLE"})
             if own.get("bounded", True):
@@ -92,13 +92,6 @@ def _heights(parts: list[BaseGeometry], stairs: list[tuple[FloatArray, float]]) 
     return [float(z) for z in heights.round(4)]
 
 
-def _number(text: str) -> float:
-    """Return a number of the file; far beyond the largest coordinate, GEOS may loop."""
-    if not abs(number := float(text)) <= FARTHEST:
-        raise ValueError(f"{text} is too large")
-    return number
-
-
 def _at(parts: list[BaseGeometry], shape: BaseGeometry) -> list[int]:
     return [k for k, part in enumerate(parts) if part.dwithin(shape, TOUCH)]
 
@@ -112,9 +105,10 @@ def _shape(given: Mapping[str, Any]) -> BaseGeometry:
         shape = shapely.box(x, y, x + width, y + height)
     else:
         shape = shapely.make_valid(shapely.Polygon([(float(one["x"]), float(one["y"])) for one in given["points"]]))
-    if flat_parts(shape).is_empty:
-        raise ValueError("a shape has no area")
-    return flat_parts(shape)
+    ground = flat_parts(shape)
+    if not (np.abs(ground.bounds) <= FARTHEST).all():  # nor NaN, if it is empty; GEOS may loop far beyond
+        raise ValueError("a shape has no area, or is too far away")
+    return ground
 
 
 def _edges(one: Mapping[str, Any], shape: BaseGeometry) -> FloatArray:
