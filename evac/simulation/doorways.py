@@ -55,13 +55,20 @@ class Controls(Saved):
     def act(self, time: float, building: Building, fields: Fields, crowd: Crowd) -> list[int]:
         """Admit people at the beginning of a tick; return the links that enough have passed."""
         full = []
+        approaches = {link: _approach(link, building, fields, crowd, time) for link in building.controlled}
+        least = np.full(len(crowd.level), np.inf)
+        for rows, gap, _ in approaches.values():
+            least[rows] = np.minimum(least[rows], gap)
         for link, control in building.controlled.items():
             way = building.links[link]
             self._count(link, control, crowd, way, time)
             if control.most is not None and self._passed[link] >= control.most:
                 full.append(link)
                 continue
-            before, on_line = self._before(link, building, fields, crowd, time)
+            rows, gap, on_line = approaches[link]
+            # Of links side by side, the nearest one alone lets a person through.
+            is_free = np.isin(crowd.passing, (-1, link)) & np.isin(self._admitted, (-1, link))
+            before, on_line = rows[is_free[rows] & (gap <= least[rows])], on_line[is_free[on_line]]
             own = np.flatnonzero(self._admitted == link)
             self._admitted[np.setdiff1d(own, on_line)] = -1  # others may be nearer now
             self._move_leaf(link, control, len(before), len(on_line), time)
@@ -97,33 +104,34 @@ class Controls(Saved):
             self._next[link] = np.fmin(crowd.exit_time[through], time).max() + control.every
         self._admitted[rows[side != self._side[rows]]] = -1
 
-    def _before(
-        self, link: int, building: Building, fields: Fields, crowd: Crowd, time: float
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return who is before a link and goes through it, the nearest first, and whose bodies are on its line."""
-        way = building.links[link]
-        rows = np.flatnonzero(np.isin(crowd.level, way.levels) & (crowd.start_time <= time))
-        rows = rows[np.isin(crowd.passing[rows], (-1, link)) & np.isin(self._admitted[rows], (-1, link))]
-        nearest, distance, outward = nearest_points(way.segments, crowd.position[rows])
-        gap = distance - extent(crowd, rows, *outward.T)
-        near = np.flatnonzero(gap < REACH)
-        rows, nearest, gap = rows[near], nearest[near], gap[near]
-        here, on_line = (
-            fields.travel_time_at(crowd.level[rows], place, crowd.route[rows], crowd.contact_radius[rows])
-            for place in (crowd.position[rows], nearest)
-        )
-        goes = on_line < here
-        if link in building.directed:
-            origin = building.directed[link]
-            goes &= (_sides_at(way, crowd, rows) if isinstance(way, Door) else crowd.level[rows]) == origin
-        _, room, _ = nearest_points(way.segments, crowd.position[rows], crowd.contact_radius[rows])
-        order = np.argsort(room, kind="stable")  # by the way to where there is room for the body
-        return rows[order][goes[order]], rows[gap < 0.0]
-
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of links, sides, numbers and times."""
         times = dict.fromkeys(("_next", "_opens", "_asked"), Bounds(0.0, np.inf))
         return times | {"_admitted": Bounds(-1, len(self._passed) - 1), "_side": Bounds(0, 1), "_passed": Bounds(0)}
+
+
+def _approach(
+    link: int, building: Building, fields: Fields, crowd: Crowd, time: float
+) -> tuple[NDArray[np.intp], FloatArray, NDArray[np.intp]]:
+    """Return who goes through a link, the nearest first, how far bodies are [m], and whose bodies are on its line."""
+    way = building.links[link]
+    rows = np.flatnonzero(np.isin(crowd.level, way.levels) & (crowd.start_time <= time))
+    nearest, distance, outward = nearest_points(way.segments, crowd.position[rows])
+    gap = distance - extent(crowd, rows, *outward.T)
+    near = np.flatnonzero(gap < REACH)
+    rows, nearest, gap = rows[near], nearest[near], gap[near]
+    here, on_line = (
+        fields.travel_time_at(crowd.level[rows], place, crowd.route[rows], crowd.contact_radius[rows])
+        for place in (crowd.position[rows], nearest)
+    )
+    goes = on_line < here
+    if link in building.directed:
+        origin = building.directed[link]
+        goes &= (_sides_at(way, crowd, rows) if isinstance(way, Door) else crowd.level[rows]) == origin
+    _, room, _ = nearest_points(way.segments, crowd.position[rows], crowd.contact_radius[rows])
+    order = np.argsort(room, kind="stable")  # by the way to where there is room for the body
+    order = order[goes[order]]
+    return rows[order], gap[order], rows[gap < 0.0]
 
 
 def _free_paths(crowd: Crowd, rows: NDArray[np.intp], seconds: float) -> FloatArray:

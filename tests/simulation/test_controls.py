@@ -160,3 +160,18 @@ def test_what_cannot_be_controlled_so_is_refused():
         hall(None, event("control", "exit", 1.0, value={"ever": 1.0}))
     with pytest.raises(evac.EvacError, match="start"):
         Simulation(hall(None, event("no_entry", "start", 1.0)))
+
+
+@pytest.mark.parametrize(("post", "control"), [(0.1, {"delay": 1.0, "hold": 1.0}), (0.2, {"every": 2.0})])
+def test_who_stands_between_two_controlled_doors_passes_the_nearer_one(post, control):
+    """The other door let this person through, tick after tick, and kept it from its own."""
+    plan = evac.Plan()
+    plan.storey("g", [box(0, 0, 10, 6), box(10.2, 0, 16, 6)])
+    for name, y in (("a", 2.0), ("b", 2.9 + post)):
+        plan.door(name, "g", [(10.1, y), (10.1, y + 0.9)], control=control)
+    plan.exit("exit", "g", [(16, 2), (16, 4)])
+    plan.area("start", "g", box(4, 1, 8, 5))
+    people = [{"name": "p", "number": 12, "area": "start", "speed": 1.3, "radius": 0.2}]
+    simulation = {"duration": 60.0, "seed": 1, "no_progress": 10.0}
+    case = evac.load({"building": plan, "contact": {"model": "nsm1"}, "people": people, "simulation": simulation})
+    assert Simulation(case).run().ended == "everybody out"
