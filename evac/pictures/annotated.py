@@ -236,8 +236,9 @@ def _draw_findings(axes: Axes, findings: list[tuple[int, Finding]]) -> None:
     kinds = [finding.kind for _, finding in findings]
     colour = next(colour for kind, colour in MARK.items() if kind in kinds)
     labels = ",".join(dict.fromkeys(str(number) for number, _ in findings))
-    x, y = (findings[0][1].place or (0.0, 0.0))[:2]
-    axes.plot(x, y, marker="o", ms=7, mfc="none", mec=colour, mew=1.4, zorder=8)
+    place = (findings[0][1].place or (0.0, 0.0))[:2]
+    x, y = np.clip(place, *np.transpose([axes.get_xlim(), axes.get_ylim()]))  # what is off the plan is at its border
+    axes.plot(x, y, clip_on=False, marker="o", ms=7, mfc="none", mec=colour, mew=1.4, zorder=8)
     box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": colour, "lw": 0.6}
     axes.annotate(
         labels, (x, y), (6, 6), textcoords="offset points", fontsize=7, color=colour, weight="bold", bbox=box, zorder=9

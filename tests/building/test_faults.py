@@ -232,7 +232,7 @@ def test_the_remedy_of_a_stair_without_its_size_gives_the_size(section, left_out
     ]
     table = {"storeys": storeys, section: [stair]}
     (error,) = [one for one in errors_of(table) if one.kind == "error"]
-    assert (error.item, error.remedy) == (f"{section}.one", remedy)
+    assert (error.item, error.remedy, error.place) == (f"{section}.one", remedy, (4.0, 2.0))
     mend(table, error)
     assert not [one for one in errors_of(table) if one.kind == "error"]
 

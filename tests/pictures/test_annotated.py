@@ -5,7 +5,7 @@ import shapely
 
 from evac import Plan
 from evac.building.model.findings import Finding
-from evac.pictures.annotated import Mark, draw_levels, panel_of
+from evac.pictures.annotated import Mark, draw_levels, levels_figure, panel_of
 
 
 @pytest.fixture
@@ -77,3 +77,12 @@ def test_doors_between_rooms_are_in_the_picture_with_their_widths(tmp_path):
     with mpl.rc_context({"svg.fonttype": "none"}):
         draw_levels(plan.building(need_exit=False), tmp_path / "a.svg")
     assert "inner 0.95 m" in (tmp_path / "a.svg").read_text(encoding="utf-8")
+
+
+def test_a_finding_off_the_plan_is_marked_at_its_border(building):
+    figure = levels_figure(building, [Finding("error", "far", "ground", (90.0, 3.0))])
+    (ring,) = [line for axes in figure.axes for line in axes.lines if line.get_marker() == "o"]
+    low, high = ring.axes.get_xlim()
+    assert ring.get_xdata().tolist() == [high]
+    assert ring.get_ydata().tolist() == [3.0]
+    assert low < 12.0 < high < 20.0

@@ -124,10 +124,11 @@ def _added(plan: Plan, section: str, index: int, item: Any, folder: Path, prefix
         plan.refused.add(str(right.get("name")))
     names = [right.get(one) for one in (["name"] if section == "storeys" else ["storey", "lower"])]
     storey, place = next((one for one in names if isinstance(one, str)), None), None
-    for shape in ("segment", "polygon", "lower_edge"):
+    for shape in ("segment", "polygon", "lower_edge", "foot"):
         with suppress(Exception):  # what is wrong with the shape is told already
             given = right[shape]
-            x, y = np.mean(shapely.get_coordinates(from_wkt(given)) if isinstance(given, str) else given, axis=0)
+            corners = shapely.get_coordinates(from_wkt(given)) if isinstance(given, str) else np.reshape(given, (-1, 2))
+            x, y = corners.mean(axis=0)
             place = (float(x), float(y))
     return [Finding("error", text, storey, place, key, remedy or "remove it") for text, remedy in found]
 
