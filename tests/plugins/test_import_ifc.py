@@ -548,9 +548,13 @@ def test_a_void_in_a_slab_is_no_ground(tmp_path):
     assert (void.level, 6 < void.place[0] < 8) == ("L1", True)
 
 
-@pytest.mark.parametrize("tail", [",.ELEVATOR.", ",.ESCALATOR."])
-def test_a_lift_is_read_with_the_stops_that_doors_lead_to_and_does_not_run_until_the_case_says_so(tmp_path, tail):
-    ifc = house(IfcFile(), storeys=2)
+@pytest.mark.parametrize(
+    ("schema", "tail"), [("IFC4", ",.ELEVATOR."), ("IFC2X3", ",.ELEVATOR.,630.,8."), ("IFC4", ",.ESCALATOR.")]
+)
+def test_a_lift_is_read_with_the_stops_that_doors_lead_to_and_does_not_run_until_the_case_says_so(
+    tmp_path, schema, tail
+):
+    ifc = house(IfcFile(schema=schema), storeys=2)
     for z in (0.0, 3.0):
         ifc.opening((10.2, 2.5, z), (10.4, 3.5, z + 2.1), door="landing door")
     ifc.box("IFCTRANSPORTELEMENT", "A", (10.7, 2.0, 0.0), (12.3, 4.0, 2.3), tail=tail)
