@@ -407,7 +407,7 @@ class RouteField(Saved):
     def _behind(self, levels: Set[int]) -> set[int]:
         """Return some levels and all those whose ways lead through one of them."""
         behind = set(levels)
-        waiting = sorted(levels)
+        waiting = [] if self.is_local else sorted(levels)  # a local way ends at the next link
         while waiting:
             for level in np.flatnonzero(self.waves.leans[:, waiting.pop()]).tolist():
                 if level not in behind:

@@ -13,7 +13,6 @@ from evac.base.errors import counted, fault, plugin_code
 from evac.base.saved import Bounds, Saved
 from evac.building.model.building import Building, Portal
 from evac.building.model.lifts import Lift
-from evac.directions.fields import columns_of
 from evac.directions.routes import PREFERRED
 from evac.people.dispatcher import Car, Dispatcher, StopCall
 from evac.physics.extent import extent
@@ -111,6 +110,7 @@ class Lifts(Saved):
         self._rooms = [room for lift in self._lifts for room in lift.rooms]
         self._carries = np.array([self._can_carry(k) for k in range(len(self._lifts))])
         self._lobbies = lobbies_of(scene.building)
+        self._lines = [np.concatenate([door.segments for *_, door in lobby.cars]) for lobby in self._lobbies]
         self._lobby = {(car, stop): k for k, one in enumerate(self._lobbies) for car, stop, _ in one.cars}
         self._waits_at: NDArray[np.int64] = np.full(people, -1, np.int64)  # lobby before whose doors each person waits
         self._since = np.zeros(len(self._lobbies))  # since when the first of them has waited [s]
@@ -404,39 +404,44 @@ class Lifts(Saved):
 
     def _look(self) -> None:
         """Note who waits before the doors of each lobby, and since when."""
-        self._waits_at[:] = -1
-        for number, lobby in enumerate(self._lobbies):
-            rows = self._before(lobby)
-            self._since[number] = np.fmin.reduce(self.waits_since[rows], initial=self._scene.time)
-            self._waits_at[rows] = number
-        waits = self._waits_at >= 0
-        rides = np.isin(self._crowd.level, self._rooms)
-        self.waits_since[~waits & ~rides] = np.nan
-        self.waits_since[waits & np.isnan(self.waits_since)] = self._scene.time
-
-    def _before(self, lobby: Lobby) -> IntArray:
-        """Return who waits before the doors of a lobby."""
         scene, crowd = self._scene, self._crowd
-        rows: IntArray = np.flatnonzero((crowd.level == lobby.level) & (crowd.start_time <= scene.time)).astype(
-            np.int32
-        )
         rides = np.array([bool(route.lifts) for route in scene.fields.routes])
-        rows = rows[rides[crowd.route[rows]]]
-        lines = [door.segments for _, _, door in lobby.cars]
-        rows = rows[nearest_points(np.concatenate(lines), crowd.position[rows])[1] < CALL]
+        able = np.flatnonzero((crowd.level >= 0) & (crowd.start_time <= scene.time) & rides[crowd.route])
+        able = able[np.argsort(crowd.level[able], kind="stable")].astype(np.int32)
+        levels = np.array([lobby.level for lobby in self._lobbies])
+        first, last = (np.searchsorted(crowd.level[able], levels, side) for side in ("left", "right"))
+        near = [able[begin:end] for begin, end in zip(first, last, strict=True)]
+        near = [
+            rows[nearest_points(lines, crowd.position[rows])[1] < CALL] if len(rows) else rows
+            for rows, lines in zip(near, self._lines, strict=True)
+        ]
+        rows, of = np.concatenate(near), np.repeat(np.arange(len(near)), [len(one) for one in near])
+        goes = self._goes_to_lifts(rows, of)
+        rows, of = rows[goes], of[goes]
+        self._waits_at[:], self._since[:] = -1, scene.time
+        self._waits_at[rows] = of
+        np.fmin.at(self._since, of, self.waits_since[rows])
+        waits = self._waits_at >= 0
+        is_aboard = np.isin(crowd.level, self._rooms)
+        self.waits_since[~waits & ~is_aboard] = np.nan
+        self.waits_since[waits & np.isnan(self.waits_since)] = scene.time
+
+    def _goes_to_lifts(self, rows: IntArray, of: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return who of some people before lobbies is on the way to one of the doors there, and not out of a car."""
         if not len(rows):
-            return rows
-        here = scene.fields.travel_time_at(*self._of(rows))
-        _, first, of = np.unique(
-            columns_of(scene.fields.packed, crowd.route[rows], crowd.contact_radius[rows]), True, True
-        )
-        level, _, route, radius = (np.repeat(values, len(lines)) for values in self._of(rows[first]))
-        middles = np.array([line.reshape(-1, 2).mean(axis=0) for line in lines])
-        there = scene.fields.travel_time_at(level, np.tile(middles, (len(first), 1)), route, radius)
-        there = there.reshape(len(first), -1).min(axis=1)[of]
-        rows = rows[np.isfinite(there) & (there < here + SLACK)]
-        car, stop, _ = lobby.cars[0]
-        return rows if stop != self._lifts[car].discharge else rows[self._goals(car, stop, rows) != stop]
+            return np.zeros(0, np.bool_)
+        fields, doors = self._scene.fields, np.array([len(lines) for lines in self._lines])[of]
+        here = fields.travel_time_at(*self._of(rows))
+        level, _, route, radius = (np.repeat(values, doors, axis=0) for values in self._of(rows))
+        middles = np.concatenate([self._lines[k].reshape(-1, 2, 2).mean(axis=1) for k in of.tolist()])
+        there = fields.travel_time_at(level, middles, route, radius)
+        there = np.minimum.reduceat(there, np.cumsum(doors) - doors)
+        goes: NDArray[np.bool_] = np.isfinite(there) & (there < here + SLACK)
+        for number in np.unique(of).tolist():
+            car, stop, _ = self._lobbies[number].cars[0]
+            if stop == self._lifts[car].discharge:
+                goes[of == number] &= self._goals(car, stop, rows[of == number]) != stop
+        return goes
 
     def _goals(self, k: int, stop: int, rows: IntArray) -> IntArray:
         """Return the stops where people in a car at a stop, or before its doors, get out: there, or after a ride."""

@@ -158,6 +158,8 @@ class _March:
         exits are behind a wide portal.
         """
         beyond = portal.other(entered)
+        if not self.falls[beyond]:  # as that of most cars: it has no cost
+            return math.inf
         slack, points = self._tolerated(portal)
         behind = points[beyond].mean(self.cost)
         falls, before = self.tried.get((portal.index, entered), (-1, -math.inf))
