@@ -320,6 +320,27 @@ def test_who_is_too_heavy_for_a_car_lets_the_others_pass_and_who_is_for_all_is_n
     assert warning.startswith("people.heavy: ")
 
 
+def test_who_gets_out_and_in_again_does_not_hold_the_doors():
+    plan = tower((0.0, 4.0), capacity=4, start="s1", dwell=3.0)
+    simulation = Simulation(case(plan, [group(1, "s1")]))
+    lifts, room = simulation.lifts, simulation.building.lifts[0].rooms[1]
+    crowd, lobby = simulation.population.crowd, simulation.building.level_named("s1").index
+    while crowd.level[0] != room:
+        simulation.advance_tick()
+    since = simulation.time
+    run_ticks(simulation, round(1.0 / simulation.case.simulation.tick))
+    inside = crowd.position[0].copy()
+    for second in range(8):
+        is_out = second % 2 == 0
+        with simulation.population.writable():
+            crowd.level[0], crowd.position[0] = (lobby, (8.0, 3.0)) if is_out else (room, inside)
+            crowd.passing[0] = -1
+        run_ticks(simulation, round(1.0 / simulation.case.simulation.tick))
+        if lifts.phase[0] != OPEN:
+            break
+    assert 3.0 <= simulation.time - since <= 5.0
+
+
 @pytest.mark.parametrize(("model", "strategy"), [("dem", "fastest"), ("nsm2", "quickest")])
 def test_a_run_resumed_while_doors_open_people_board_ride_and_get_out_has_the_same_bits(model, strategy):
     scene = case(tower((0.0, 4.0), cars=2, capacity=3, start="s1"), [group(5, "s1", strategy=strategy)], model)
