@@ -415,7 +415,7 @@ class Lifts(Saved):
             rows[nearest_points(lines, crowd.position[rows])[1] < CALL] if len(rows) else rows
             for rows, lines in zip(near, self._lines, strict=True)
         ]
-        rows, of = np.concatenate(near), np.repeat(np.arange(len(near)), [len(one) for one in near])
+        rows, of = np.concatenate(near).astype(np.int32), np.repeat(np.arange(len(near)), [len(one) for one in near])
         goes = self._goes_to_lifts(rows, of)
         rows, of = rows[goes], of[goes]
         self._waits_at[:], self._since[:] = -1, scene.time
