@@ -131,6 +131,8 @@ class Fds(ConditionSource):
         first = max(blocks, key=lambda block: float(block.times[0]))
         if first.times[0] > scene.settings.start + 1e-3:
             raise ScenarioError(f"{first.path}: begins at {first.times[0]:g} s; write slices from T_BEGIN on")
+        self._places = b"", b"", b""
+        self._located: dict[tuple[tuple[bytes, ...], ...], list[_Part]] = {}
         self._is_level = np.isin(np.arange(len(scene.building.levels)), levels)
         self._is_between = np.array([level.kind != "floor" for level in scene.building.levels])
         vertical = {NAMES[block.quantity][0] for block in slices if block.is_vertical} - {*self._blocks}
@@ -154,14 +156,16 @@ class Fds(ConditionSource):
     ) -> FloatArray:
         """Return the values at a time, linear between frames and in space."""
         values = np.full((len(quantities), len(level)), np.nan)
-        located: dict[tuple[tuple[bytes, ...], ...], list[_Part]] = {}
+        places = level.tobytes(), position.tobytes(), height.tobytes()
+        if places != self._places:  # the same ones again where the air is read for all times before the run
+            self._places, self._located = places, {}
         for row, quantity in enumerate(quantities):
             blocks = self._blocks[quantity]
             key = tuple(block.place for block in blocks)
-            if key not in located:
-                located[key] = self._locate(blocks, level, position, height)
+            if key not in self._located:
+                self._located[key] = self._locate(blocks, level, position, height)
             own, sums = QUANTITIES[quantity], np.zeros(len(level))
-            for block, rows, nodes, weights in located[key]:
+            for block, rows, nodes, weights in self._located[key]:
                 sums[rows] += blocks[block].at(time, nodes, weights)
                 values[row, rows] = sums[rows]
             values[row] = _in_unit(blocks[0], values[row])
