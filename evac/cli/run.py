@@ -150,9 +150,8 @@ def run_shown(
     simulation: "Simulation", place: "ResultFolder", display: Display, checkpoint: float | None
 ) -> "tuple[Results, int]":
     """Show warnings, run with a display, and write the results; return them with the status (see EPILOG of main.py)."""
-    from evac.base.interrupt import Interrupt
     from evac.results.ending import INTERRUPTED
-    from evac.simulation.running import run_into
+    from evac.simulation.running import Interrupt, run_into
 
     def announce(number: int) -> None:
         hint = "; Ctrl-C again to stop at once" if number == signal.SIGINT else ""

@@ -1,18 +1,20 @@
 """Run a case, or resume a run, and write its result folder."""
 
 import math
+import signal
+import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import FrameType, TracebackType
+from typing import TYPE_CHECKING, Any, Self
 
 from evac.base.arguments import PATH, check_types
 from evac.base.display import displayed
 from evac.base.errors import EvacError, FolderWarning, ResultError, ScenarioError, in_one_line, warn
-from evac.base.interrupt import Interrupt, never
 from evac.base.phases import Progress
 from evac.case.loading import as_case
 from evac.folder.files import (
@@ -194,6 +196,42 @@ def resumed(
     return simulation, checkpoint.header.every
 
 
+class Interrupt:
+    """Counts signals: after the first one, the run stops at the end of its tick, and after the next, its outputs stop.
+
+    A third one raises KeyboardInterrupt anywhere, as does a second one if `may_break`, while recorders finish. `wanted`
+    is the number of the last one. Signals that were ignored before, such as SIGHUP under nohup, remain ignored. Outside
+    the main thread, which is the only one that receives signals, no handler is installed.
+    """
+
+    def __init__(self, names: Iterable[str] = ("SIGINT",), announce: Callable[[int], None] | None = None) -> None:
+        self.wanted = self.count = 0
+        self.may_break: Callable[[], bool] = bool  # False
+        self._numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+        self._announce = announce
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            for number in self._numbers:
+                if signal.getsignal(number) not in (signal.SIG_IGN, None):  # None: not set from Python
+                    self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self.wanted, self.count = number, self.count + 1
+        if self.count > 2 or (self.count == 2 and self.may_break()):
+            raise KeyboardInterrupt
+        if self._announce is not None and self.count == 1:
+            self._announce(number)
+
+
 def _run_interruptible(
     simulation: Simulation, place: ResultFolder, progress: Callable[[Progress], None] | None, checkpoint: float | None
 ) -> Results:
@@ -236,7 +274,7 @@ def run_into(
                 raise
             simulation.ended, failure = simulation.ended or FAILED, error
             results = simulation.results()
-        interrupt.may_break = never
+        interrupt.may_break = bool  # False
         most = 1 if results.ended == INTERRUPTED else 0  # the signal that has ended the run does not stop its outputs
         is_whole = results.ended not in (FAILED, INTERRUPTED) and not isinstance(failure, ResultError)
         try:

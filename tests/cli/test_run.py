@@ -186,7 +186,7 @@ def _heed_interrupts():
 def _start_long_run(folder):
     """Start a run of many minutes and return it when it has written some frames."""
     words = [sys.executable, "-m", "evac", "run", "square_room", "--out", str(folder), "--set", "output.every=0.1"]
-    words += ["simulation.step=0.00001", "simulation.duration=3600", "simulation.no_progress=inf"]
+    words += ["simulation.step=0.0001", "simulation.duration=3600", "simulation.no_progress=inf"]
     words += ["people.people.speed=0"]
     process = subprocess.Popen(
         words, cwd=folder.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=_heed_interrupts

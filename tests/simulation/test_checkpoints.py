@@ -5,6 +5,7 @@ import hashlib
 import json
 import os
 import re
+import shutil
 import textwrap
 import zlib
 
@@ -66,11 +67,29 @@ PLUGIN = """
 """
 
 
-@pytest.fixture
-def hall(tmp_path):
+def hall_in(folder):
     """Return the table of a room with the exits front and back."""
     output = {"picture": False, "animation": False, "every": 0.2}
-    return two_doors(tmp_path) | {"simulation": {"duration": 6.0}, "output": output}
+    return two_doors(folder) | {"simulation": {"duration": 6.0}, "output": output}
+
+
+@pytest.fixture
+def hall(tmp_path):
+    return hall_in(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def killed_once(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("killed")
+    kill(evac.load(hall_in(folder)), folder / "r", 1.0)
+    return folder / "r.running"
+
+
+@pytest.fixture
+def killed(killed_once, tmp_path):
+    """Return the result folder of a run that was killed after 1 s."""
+    shutil.copytree(killed_once, tmp_path / "r.running")
+    return tmp_path / "r"
 
 
 @pytest.fixture
@@ -214,35 +233,32 @@ def test_other_versions_and_files_are_refused_unless_allowed(tmp_path, hall, mon
     assert any("0.1 now" in line for line in resumed["differences"])
 
 
-def test_other_kernels_are_refused(tmp_path, hall, monkeypatch):
-    kill(evac.load(hall), tmp_path / "r", 1.5)
+def test_other_kernels_are_refused(killed, monkeypatch):
     monkeypatch.setattr("evac.simulation.checkpoints.digest_of", lambda entry, processor: "changed")
     with pytest.raises(ResultError, match=r"kernel .*advance.*changed now"):
-        evac.resume(tmp_path / "r")
+        evac.resume(killed)
 
 
-def test_a_file_that_was_cut_is_refused(tmp_path, hall):
-    kill(evac.load(hall), tmp_path / "r", 1.5)
-    path = tmp_path / "r.running" / "trajectory.evac"
+def test_a_file_that_was_cut_is_refused(killed):
+    path = killed.with_name("r.running") / "trajectory.evac"
     os.truncate(path, 100)
     with pytest.raises(ResultError, match=r"trajectory\.evac: .* 100 "):
-        evac.resume(tmp_path / "r")
+        evac.resume(killed)
     path.unlink()
     with pytest.raises(ResultError, match=r"trajectory\.evac: .*removed"):
-        evac.resume(tmp_path / "r")
+        evac.resume(killed)
 
 
 @pytest.mark.parametrize("name", ["../thesis.txt", "/thesis.txt", "link"])
-def test_no_file_outside_the_folder_is_cut(tmp_path, hall, name):
+def test_no_file_outside_the_folder_is_cut(tmp_path, killed, name):
     (tmp_path / "thesis.txt").write_text("precious")
-    kill(evac.load(hall), tmp_path / "r", 1.5)
-    found = find_checkpoint(tmp_path / "r")
+    found = find_checkpoint(killed)
     (found.path.parent / "link").symlink_to(tmp_path / "thesis.txt")
     name = str(tmp_path / "thesis.txt") if name.startswith("/") else name
     empty = {"length": 0, "sha256": hashlib.sha256().hexdigest()}
     write_checkpoint(found.path, found.header.model_dump() | {"files": {name: empty}}, found.arrays)
     with pytest.raises(ResultError, match=f"{name} .*folder"):
-        evac.resume(tmp_path / "r")
+        evac.resume(killed)
     assert (tmp_path / "thesis.txt").read_text() == "precious"
 
 
@@ -277,42 +293,38 @@ def forge(folder, header=(), **arrays):
         ("recorder.trajectory.changes", np.array(9)),
     ],
 )
-def test_arrays_that_no_run_can_have_are_refused_by_name(tmp_path, hall, name, value):
-    kill(evac.load(hall), tmp_path / "r", 1.0)
-    before = forge(tmp_path / "r", **{name: value})
+def test_arrays_that_no_run_can_have_are_refused_by_name(killed, name, value):
+    before = forge(killed, **{name: value})
     with pytest.raises(ResultError, match=rf"checkpoint\.evac: .*: {name}") as caught:
-        evac.resume(tmp_path / "r")
+        evac.resume(killed)
     assert "\n" not in str(caught.value)
-    assert content(tmp_path / "r.running") == before
+    assert content(killed.with_name("r.running")) == before
 
 
 @pytest.mark.parametrize("key", ["files", "made_with", "case", "time"])
-def test_headers_that_evac_does_not_write_are_refused_by_name(tmp_path, hall, key):
-    kill(evac.load(hall), tmp_path / "r", 1.0)
-    before = forge(tmp_path / "r", {key: None})
+def test_headers_that_evac_does_not_write_are_refused_by_name(killed, key):
+    before = forge(killed, {key: None})
     with pytest.raises(ResultError, match=rf"checkpoint\.evac: {key}"):
-        evac.resume(tmp_path / "r")
-    assert content(tmp_path / "r.running") == before
+        evac.resume(killed)
+    assert content(killed.with_name("r.running")) == before
 
 
-def test_a_checkpoint_without_the_entry_of_the_trajectory_is_refused_and_leaves_it(tmp_path, hall):
-    kill(evac.load(hall), tmp_path / "r", 1.0)
-    before = forge(tmp_path / "r", {"files": {}})
+def test_a_checkpoint_without_the_entry_of_the_trajectory_is_refused_and_leaves_it(killed):
+    before = forge(killed, {"files": {}})
     with pytest.raises(ResultError, match="trajectory"):
-        evac.resume(tmp_path / "r")
-    assert content(tmp_path / "r.running") == before
+        evac.resume(killed)
+    assert content(killed.with_name("r.running")) == before
 
 
-def test_the_trajectory_of_another_run_is_refused_before_it_is_cut(tmp_path, hall):
+def test_the_trajectory_of_another_run_is_refused_before_it_is_cut(tmp_path, killed, hall):
     """Both runs record frames of the same length, so that one ends where the checkpoint says."""
-    kill(evac.load(hall), tmp_path / "r", 1.0)
     kill(evac.load(hall, {"simulation.seed": 2}), tmp_path / "other", 2.0)
-    path = tmp_path / "r.running" / "trajectory.evac"
+    path = killed.with_name("r.running") / "trajectory.evac"
     path.write_bytes((tmp_path / "other.running" / "trajectory.evac").read_bytes())
-    before = content(tmp_path / "r.running")
+    before = content(killed.with_name("r.running"))
     with pytest.raises(ResultError, match=r"trajectory\.evac: .*checkpoint"):
-        evac.resume(tmp_path / "r")
-    assert content(tmp_path / "r.running") == before
+        evac.resume(killed)
+    assert content(killed.with_name("r.running")) == before
 
 
 @pytest.mark.parametrize("restore", ["raise ValueError('no')", "self.length = int(state['length']) - 1"])
@@ -338,24 +350,23 @@ def test_a_recorder_that_cannot_be_restored_leaves_the_files_as_they_were(tmp_pa
     assert after == before
 
 
-def test_plugin_files_of_a_case_are_run_only_beside_the_result_or_where_the_user_says(tmp_path, hall):
+def test_plugin_files_of_a_case_are_run_only_beside_the_result_or_where_the_user_says(tmp_path, killed):
     (tmp_path / "elsewhere" / "case").mkdir(parents=True)
     case = tmp_path / "elsewhere" / "case" / "case.toml"
     (case.parent / "mark.py").write_text(
         "from pathlib import Path\nfrom evac import hookimpl\nevac_interface = 3\n"
         f"Path({str(tmp_path / 'run')!r}).touch()\n@hookimpl\ndef evac_prepare(): pass\n"
     )
-    kill(evac.load(hall), tmp_path / "r", 1.0)
-    given = find_checkpoint(tmp_path / "r").header.case
+    given = find_checkpoint(killed).header.case
     table = {**given.table, "plugins": {"files": ["mark.py"]}}
-    forge(tmp_path / "r", {"case": {**given.model_dump(), "table": table, "source": str(case)}})
+    forge(killed, {"case": {**given.model_dump(), "table": table, "source": str(case)}})
     with pytest.raises(PluginError, match="--case"):
-        evac.resume(tmp_path / "r")
+        evac.resume(killed)
     with pytest.raises(PluginError, match="--case"):
-        evac.resume(tmp_path / "r", case_file=tmp_path)
+        evac.resume(killed, case_file=tmp_path)
     assert not (tmp_path / "run").exists()
     with pytest.raises(ResultError, match="--allow-differences"):  # it has come since
-        evac.resume(tmp_path / "r", case_file=case)
+        evac.resume(killed, case_file=case)
     assert (tmp_path / "run").exists()
 
 

@@ -16,10 +16,9 @@ import pytest
 
 import evac
 from evac.base.errors import FolderWarning, PluginError
-from evac.base.interrupt import Interrupt
 from evac.results.ending import INTERRUPTED, Stopped
 from evac.results.results import Results
-from evac.simulation.running import run
+from evac.simulation.running import Interrupt, run
 from evac.simulation.simulation import Simulation
 
 
