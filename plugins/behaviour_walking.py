@@ -47,8 +47,9 @@ FAINT = 0.03
 #: Greatest component of a unit vector, with rounding errors.
 LONGEST = 1.0 + 1e-9
 
-#: Relations of people whom a person sees: ahead on the same way, on another way, standing, and of no effect but bodies.
-LEADS, PASSES, STANDS, BESIDE = 1, 2, 3, 0
+#: Relations of people whom a person sees: ahead on the same way, on another way, standing, standing firm, and of no
+#: effect but bodies.
+LEADS, PASSES, STANDS, FIRM, BESIDE = 1, 2, 3, 4, 0
 
 #: Whether walls hide somebody; it is found out when somebody would restrict a person.
 HIDDEN, IN_SIGHT, UNKNOWN = 0, 1, 2
@@ -118,7 +119,7 @@ class Walking(Behaviour):
     - j walks another way: the free way along h at v0 until the bodies touch while j keeps its velocity, divided by
       t_h. Of two who cross, at directions 45 to 135 degrees apart, only the one behind heeds the other. Oncoming people
       count as if they were `right` farther to the left, so that people pass on the right.
-    - j stands: as on another way.
+    - j stands: as on another way. Ways lead round people who stand firm (`Crowd.firmness`), without the gap.
 
     Heading: among those up to 75 degrees from e, the one with the greatest product of the speed that people and walls
     leave along it and the cosine of its angle to e, and a step away from walls nearer than `clearance`. The step is
@@ -144,7 +145,8 @@ class Walking(Behaviour):
     of 0.5 to 2.5 m and to speeds in a corridor, `foresight` to the difference between doors with necks of 0.25 and
     2.8 m, `stair_length` to the flow down a stair, `horizon`, `stop_time`, `right`, `push` and `creep` to people who
     come towards each other or cross, who must not block each other. The remaining numbers are the gap of 0.05 m to
-    the bodies of others and, for ways round a crowd, its density of 1 per square metre.
+    the bodies of others and, for ways round a crowd, its density of 1 per square metre, and the 0.2 m beside people who
+    stand firm with which others pass easily.
 
     References
     ----------
@@ -159,7 +161,7 @@ class Walking(Behaviour):
     name = "walking"
     saved = ("heading",)
     group_keys = ("chest_depth",)
-    reads = ("position", "level", "contact_radius", "speed", "tau", "start_time", "route")
+    reads = ("position", "level", "contact_radius", "speed", "tau", "start_time", "route", "firmness")
     writes = ("speed_factor", "extra_direction")
     acts_last = True
     keeps_distance = True
@@ -370,8 +372,8 @@ def get_on(world, crowd, sights, seen, motion, rule, length, turn, time, most, i
         if seen.relation[k] == LEADS:
             left = speed_behind(seen, rule, k, hx, hy, length)
         else:
-            left = free_way(crowd, seen, motion, rule, k, wanted, i, hx, hy)
-            if seen.relation[k] == STANDS:  # a way of tau u is left to the present velocity u
+            left = free_way(crowd, seen, motion, rule, k, wanted, i, hx, hy, GAP)
+            if seen.relation[k] >= STANDS:  # a way of tau u is left to the present velocity u
                 carried_x, carried_y = ground_velocity(world, sights, i)
                 ux, uy = motion.velocity[i, 0] - carried_x, motion.velocity[i, 1] - carried_y
                 left -= crowd.tau[i] * math.sqrt(ux * ux + uy * uy)
@@ -415,7 +417,7 @@ def look(world, crowd, sights, seen, motion, rule, length, most, i):
         elif relation == PASSES:
             way = max(s - reach - GAP - abs(rule.right), 0.0) * wanted / (wanted + math.sqrt(ux * ux + uy * uy))
             bound = way / max(rule.horizon, rule.stop_time)
-        elif relation == STANDS:
+        elif relation >= STANDS:
             bound = -math.inf
         if bound >= most and (s > reach + GAP + rule.stop_time * wanted or not is_inside):
             continue
@@ -453,7 +455,7 @@ def is_seen(world, sights, seen, i, k):
 def relation_of(crowd, sights, motion, i, j, dx, dy):
     """Return what person j, at (dx, dy) from i, is to it."""
     if sights.wanted[j] <= 0.0:
-        return STANDS
+        return FIRM if crowd.firmness[j] > 1.0 else STANDS
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     cosine = ex * motion.heading[j, 0] + ey * motion.heading[j, 1]
     is_same = crowd.route[i] == crowd.route[j] or sights.level[i] >= sights.levels
@@ -481,7 +483,7 @@ def speed_behind(seen, rule, k, hx, hy, length):
 
 
 @inner
-def free_way(crowd, seen, motion, rule, k, wanted, i, hx, hy):
+def free_way(crowd, seen, motion, rule, k, wanted, i, hx, hy, gap):
     """Return how far person i can walk along h until it touches the k-th person, who keeps its velocity [m]."""
     dx, dy, s = seen.place[k, 0], seen.place[k, 1], seen.distance[k]
     rx, ry = wanted * hx - seen.velocity[k, 0], wanted * hy - seen.velocity[k, 1]
@@ -489,7 +491,7 @@ def free_way(crowd, seen, motion, rule, k, wanted, i, hx, hy):
     if norm < FAINT:
         return math.inf
     ahead, across = (rx * dx + ry * dy) / norm, (rx * dy - ry * dx) / norm
-    reach = min(seen.reach[k] + GAP, SLIDES * s)
+    reach = min(seen.reach[k] + gap, SLIDES * s)
     j = seen.who[k]
     if seen.relation[k] == PASSES and hx * motion.heading[j, 0] + hy * motion.heading[j, 1] < 0.0:
         across += rule.right
@@ -519,7 +521,9 @@ def choose_heading(world, crowd, sights, seen, motion, rule, length, i):
                 if seen.relation[k] == LEADS:
                     left = speed_behind(seen, rule, k, cx, cy, length)
                 else:
-                    left = free_way(crowd, seen, motion, rule, k, wanted, i, cx, cy) / rule.horizon
+                    # Ways lead round those who stand firm, also through gaps into which bodies just fit.
+                    gap = 0.0 if seen.relation[k] == FIRM and not turned else GAP
+                    left = free_way(crowd, seen, motion, rule, k, wanted, i, cx, cy, gap) / rule.horizon
                 if left < speed and is_seen(world, sights, seen, i, k):
                     speed, last = left, k
                     if speed * cosine <= best:
@@ -581,7 +585,7 @@ def keep_off(world, crowd, sights, seen, rule, i, vx, vy):
                         continue
             nx, ny = seen.place[k, 0] / s, seen.place[k, 1] / s
             toward = vx * nx + vy * ny
-            gap = max(s - seen.reach[k] - GAP, 0.0)
+            gap = max(s - seen.reach[k] - (0.0 if seen.relation[k] == FIRM else GAP), 0.0)
             most = max(gap / rule.stop_time + seen.velocity[k, 0] * nx + seen.velocity[k, 1] * ny, floor)
             if toward > most and is_seen(world, sights, seen, i, k):
                 turned = toward - most
@@ -616,10 +620,10 @@ def squeeze_nobody(world, crowd, sights, seen, rule, i, vx, vy):
             px, py = px - toward * nx, py - toward * ny
     share = 1.0
     for k in range(seen.number):
-        if seen.relation[k] == STANDS:
+        if seen.relation[k] >= STANDS:
             s = seen.distance[k]
             toward = (px * seen.place[k, 0] + py * seen.place[k, 1]) / s
-            most = max(s - seen.reach[k] - GAP, 0.0) / rule.stop_time
+            most = max(s - seen.reach[k] - (0.0 if seen.relation[k] == FIRM else GAP), 0.0) / rule.stop_time
             if toward > most and is_seen(world, sights, seen, i, k):
                 share = min(share, most / toward)
     return share * vx, share * vy

@@ -35,9 +35,6 @@ LEAST_RATE = 1e-3
 #: Columns of the doses over time.
 SERIES = ("time", "mean_gas", "greatest_gas", "mean_heat", "greatest_heat")
 
-#: Factor of the mass of people who have been stopped, whom the push of others does not move.
-FIRMNESS = 1e6
-
 
 def quantities_needed(case: "Case", law: SmokeLaw) -> tuple[str, ...]:
     """Return the quantities without which a case cannot be run: for the speed in smoke, and for the dose."""
@@ -182,7 +179,7 @@ class Exposure(Saved):
         self.share[rows] = self._share_left(self._desired(rows, fields), air)
         crowd.velocity[np.isfinite(self.stopped_at) & ~self.stopped] = 0.0
         np.isfinite(self.stopped_at, out=self.stopped)
-        self.share[self.stopped], crowd.firmness[self.stopped] = 0.0, FIRMNESS
+        self.share[self.stopped] = 0.0
 
     def _share_left(self, desired: FloatArray, air: Mapping[str, FloatArray]) -> FloatArray:
         """Return the share (n,) of desired speeds (n,) [m/s] that the air leaves."""

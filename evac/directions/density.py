@@ -6,11 +6,14 @@ import numpy as np
 
 from evac.base.arrays import FloatArray, IndexArray, IntArray
 from evac.directions.fields import PackedFields
-from evac.directions.march.waves import CUT, NOBODY, deposit
+from evac.directions.march.waves import CUT, JAM, NOBODY, deposit
 from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid
 
 #: Least share of a kernel on the floor by which a density is divided, so that a narrow place is not taken for full.
 LEAST_SHARE = 0.2
+
+#: Room beside people who stand with which others pass as easily as without them [m].
+EASY = 0.2
 
 
 class Kernels:
@@ -29,6 +32,25 @@ class Kernels:
         place = np.clip(place, 0, packed.shape[at] - 1)
         nodes: IndexArray = self.first[at] + place[:, 0] * packed.shape[at, 1] + place[:, 1]
         return nodes
+
+    def beside(self, level: IntArray, position: FloatArray, radius: FloatArray, own: float) -> FloatArray:
+        """Return the density (nodes,) that bodies of a radius `own` [m] meet beside people (n,) who stand [1/m2].
+
+        It is infinite where bodies touch these people, or a wall before they have passed between, and that of a jam
+        where they only just pass.
+        """
+        room = np.full(self.grids.size, np.inf)
+        for at, place, reach in zip(level.tolist(), position, radius + own, strict=True):
+            grid, first = self.grids.levels[at], self._packed.origin[at] - place
+            x, y = (
+                start + self._packed.spacing * np.arange(nodes)
+                for start, nodes in zip(first, grid.window.shape, strict=True)
+            )
+            np.minimum(room[grid.packed], np.hypot(*np.ix_(x, y)).ravel() - reach, out=room[grid.packed])
+        for at in np.unique(level).tolist():
+            grid = self.grids.levels[at]
+            room[grid.ring] += np.minimum(grid.distance - own, 0.0)
+        return np.where(room < 0.0, np.inf, JAM * np.clip(1.0 - room / EASY, 0.0, 1.0))
 
     def average(
         self,

@@ -4,17 +4,19 @@ The directions of an empty building lead everybody along the same line, close to
 distances, they take a longer way beside the crowd instead. Every few seconds, the density of the people who walk the
 same way is found, less that of those who come towards them: without this, both would spread over the whole width.
 Crowded floors are marched again with speeds that fall with the density, as for the strategy "quickest"
-(`quickest.py`), but not stairs and their landings, where people would step back over portals. Each node keeps the next
-portal or exit of the empty building, so that people neither choose other exits and stairs nor turn round. Travel times
-stay those of the empty building.
+(`quickest.py`), but not stairs and their landings, where people would step back over portals. People who stand firm, at
+a refuge for example, count as a jam on all levels, so that others pass them where there is most room. Each node keeps
+the next portal or exit of the empty building, so that people neither choose other exits and stairs nor turn round.
+Travel times stay those of the empty building.
 """
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray, IndexArray, IntArray
+from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from evac.base.saved import Saved, part_of, taken
 from evac.directions.density import Kernels, at_nodes_of, gain_of
 from evac.directions.fields import Fields, columns_of
@@ -58,6 +60,7 @@ class LocalWays(Saved):
         self._columns: dict[int, RouteField] = {}
         self._solved: dict[int, set[int]] = {}  # by column, the levels with speeds other than those without a crowd
         self._density: dict[int, FloatArray] = {}
+        self._beside: dict[int, FloatArray] = {}  # the density beside people who stand firm, if there are any
         self._smoke: FloatArray | None = None
         if before is not None and before.fields.routes == fields.routes:
             for number, density in before._density.items():
@@ -67,10 +70,16 @@ class LocalWays(Saved):
         """Return whether an update is due at a tick of this length [s]."""
         return tick % max(1, round(self._settings.period / length)) == 0
 
-    def update(self, level: IntArray, position: FloatArray, route: IntArray, radius: FloatArray) -> None:
-        """Find the ways again for people at these places; arguments as for `Quickest.update`."""
+    def update(
+        self, level: IntArray, position: FloatArray, route: IntArray, radius: FloatArray, is_firm: BoolArray
+    ) -> None:
+        """Find the ways again for people at these places, also round those who stand firm, (n,) bool.
+
+        The other arguments are as for `Quickest.update`.
+        """
         columns = columns_of(self.fields.packed, route, radius)
         inside = level >= 0
+        firm, walking = inside & is_firm, inside & ~is_firm
         nodes = self._kernels.nodes_at(level, position)
         own = self._headings(columns, level, nodes)
         routes = self.fields.routes
@@ -83,7 +92,11 @@ class LocalWays(Saved):
             cosine = (own * others).sum(axis=1)
             alike = np.where(cosine > 0.0, level, -1)
             against = np.where(cosine < 0.0, level, -1)
-            self._follow(number, alike, against, position, nodes[(columns == number) & inside], level[inside])
+            beside = None
+            if firm.any():
+                own = radius[(columns == number) & walking].max(initial=0.0)
+                beside = self._kernels.beside(level[firm], position[firm], radius[firm], own)
+            self._follow(number, alike, against, position, nodes[(columns == number) & inside], level[inside], beside)
 
     def _follow(
         self,
@@ -93,6 +106,7 @@ class LocalWays(Saved):
         position: FloatArray,
         nodes: IndexArray,
         occupied: IntArray,
+        beside: FloatArray | None,
     ) -> None:
         """Find the ways of one column again, from the levels of people who walk the same way or come towards them."""
         settings = self._settings
@@ -103,13 +117,36 @@ class LocalWays(Saved):
         crowded = {
             level for level in levels & self._floors if density[self._grids.levels[level].packed].max() >= CROWDED
         }
-        if not crowded | solved:
+        moved = self._count_firm(number, beside)
+        if beside is not None:
+            density = beside + np.where(self._on_floors, density, 0.0)
+            crowded |= self._levels_with(beside > 0.0)
+        if not crowded | solved | moved:
             return
         column = self._columns.get(number) or self._made(number)
         changed = column.leave_out_empty(nodes)
-        changed |= column.slow_down(density, crowded | solved, settings.floor, NOTICED)
+        changed |= column.slow_down(density, (crowded | solved) - moved, settings.floor, NOTICED)
+        changed |= column.slow_down(density, moved, settings.floor, 0.0)
         column.solve(changed, set(np.unique(occupied).tolist()), False)
         self._solved[number] = crowded
+
+    def _count_firm(self, number: int, beside: FloatArray | None) -> set[int]:
+        """Take the density beside people who stand firm for a column; return the levels on which it has changed."""
+        before = self._beside.pop(number, None)
+        if beside is not None:
+            self._beside[number] = beside
+        if before is None and beside is None:
+            return set()
+        nobody = np.zeros(1)
+        return self._levels_with((nobody if before is None else before) != (nobody if beside is None else beside))
+
+    @cached_property
+    def _on_floors(self) -> BoolArray:
+        return np.concatenate([np.full(grid.sheet.size, grid.level in self._floors) for grid in self._grids.levels])
+
+    def _levels_with(self, marked: BoolArray) -> set[int]:
+        """Return the levels with a node that is marked, of all nodes (nodes,)."""
+        return {grid.level for grid in self._grids.levels if marked[grid.packed].any()}
 
     def _made(self, number: int) -> RouteField:
         """Return the column of this number, with the next link of each node."""
@@ -144,6 +181,7 @@ class LocalWays(Saved):
         removed = set(self._columns)
         self._columns.clear()
         self._solved.clear()
+        self._beside.clear()
         self._smoke = share
         return removed
 
@@ -152,6 +190,8 @@ class LocalWays(Saved):
         state: dict[str, NDArray[Any]] = {}
         for number, density in self._density.items():
             state[f"{number}.density"] = density.copy()
+        for number, beside in self._beside.items():
+            state[f"{number}.beside"] = beside.copy()
         for number, column in self._columns.items():
             state[f"{number}.solved"] = np.array(sorted(self._solved[number]), np.int64)
             state |= {f"{number}.column.{name}": values for name, values in column.state().items()}
@@ -161,9 +201,9 @@ class LocalWays(Saved):
         """Restore the arrays that `state` returned; routes in smoke have been restored."""
         for key in state:
             number, _, name = key.partition(".")
-            if name == "density":
-                shape = (self._grids.size,)
-                self._density[int(number)] = taken(state, key, np.float64, shape, 0.0, np.inf).copy()
+            if name in ("density", "beside"):
+                values = taken(state, key, np.float64, (self._grids.size,), 0.0, np.inf).copy()
+                (self._density if name == "density" else self._beside)[int(number)] = values
             elif name == "solved":
                 levels = taken(state, key, np.int64, (None,), 0, len(self._grids.levels) - 1)
                 self._solved[int(number)] = set(levels.tolist())

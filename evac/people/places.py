@@ -213,10 +213,15 @@ class Places(Saved):
         return bool((before != self._sent[group]).any())
 
     @property
+    def at_refuge(self) -> NDArray[np.bool_]:
+        """Who is in a refuge (n,)."""
+        at_refuge: NDArray[np.bool_] = self.arrived & np.append(~self._is_assembly, False)[self._meant]
+        return at_refuge
+
+    @property
     def waits_for_lift(self) -> NDArray[np.bool_]:
         """Who is in a refuge, and leaves as soon as there is a lift (n,)."""
-        is_there = self.arrived & np.append(~self._is_assembly, False)[self._meant]
-        waits: NDArray[np.bool_] = is_there & self._rides[self._before]
+        waits: NDArray[np.bool_] = self.at_refuge & self._rides[self._before]
         return waits
 
     def exit_routes(self, rows: NDArray[np.integer[Any]]) -> IntArray:

@@ -22,6 +22,9 @@ from evac.jit import (
 from evac.jit.structs import Array
 from evac.physics import tallies as at
 
+#: Firmness of people who stand firm, whom the push of others does not move.
+FIRM = 1e6
+
 #: Rows of the packed contact problem, see `evac.physics.contact.rows`.
 RowData = Annotated[NDArray[np.float64], Array("float64", (None, 5))]
 FaceData = Annotated[NDArray[np.float64], Array("float64", (None, 7))]
@@ -61,8 +64,9 @@ class Crowd(Struct):
         none. Written by the scene, and by the contact model for people who pass a link of one direction
     ahead : (n, 2) unit desired direction of people whom a link lets through, instead of that of their route, until they
         have left its line; zero for others. Written by the scene
-    firmness : (n,) factor of the mass with which a person resists contacts and forces: 1, and a million for people whom
-        gases or heat have stopped. Written by the exposure
+    firmness : (n,) factor of the mass with which a person resists contacts and forces: 1, and `FIRM` for people who
+        stand firm, since gases or heat have stopped them, they are at a refuge, or they do not leave. Written by
+        `Deciding`
     """
 
     position: Pairs

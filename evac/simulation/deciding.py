@@ -10,6 +10,7 @@ from evac.base.distributions import MOST_WORDS, generator_for, generator_state, 
 from evac.base.errors import fault, is_one_line, naming, plugin_code
 from evac.base.saved import Saved, part_of, state_of, taken
 from evac.people.behaviour import DECLARE, Behaviour, BehaviourScene, check_written, crowd_for, outside_for
+from evac.physics.state import FIRM
 
 if TYPE_CHECKING:
     from evac.simulation.simulation import Simulation
@@ -33,6 +34,7 @@ class Deciding(Saved):
         )
         self._outside = None if simulation.outside is None else simulation.outside.arrays
         self._share = None if simulation.exposure is None else simulation.exposure.share  # of the speed, left by smoke
+        self._stopped = None if simulation.exposure is None else simulation.exposure.stopped
         self._displacement_velocity = simulation.displacement_velocity
         self.used: list[tuple[Behaviour, BehaviourScene]] = []
         for behaviour in behaviours:
@@ -84,6 +86,12 @@ class Deciding(Saved):
             self._crowd.speed_factor[:], self.held[:] = 1.0, False
         if self._case.place:
             self._crowd.speed_factor[self._places.arrived] = 0.0
+        if self._case.place or len(self._population.staying) or self._stopped is not None:
+            stands_firm = self._places.at_refuge
+            stands_firm[self._population.staying] = True
+            if self._stopped is not None:
+                stands_firm |= self._stopped
+            self._crowd.firmness[:] = np.where(stands_firm, FIRM, 1.0)
         if self._share is not None:
             self._crowd.speed_factor *= self._share
         if "extra_direction" in renewed:

@@ -398,7 +398,7 @@ class Scene(Saved):
         if self.quickest is not None and self.quickest.is_due(tick, length):
             self.quickest.update(*of, self.waits_for_lifts)
         if self.local is not None and self.local.is_due(tick, length):
-            self.local.update(*of)
+            self.local.update(*of, crowd.firmness > 1.0)
 
     def in_smoke(self) -> Smoky:
         """Return the routes in smoke, which the scene follows from now on."""

@@ -19,10 +19,11 @@ def local_in(building, routes=(FASTEST,), **settings):
     return LocalWays(own, fields, QuickestSettings(**{"memory": 0.0, **settings})), fields
 
 
-def update(local, people, level=0, route=0):
-    """Update the ways for people at these places, all on one level."""
+def update(local, people, level=0, route=0, firm=0):
+    """Update the ways for people at these places, all on one level, the first of whom stand firm."""
     n = len(people)
-    local.update(np.full(n, level, np.int32), np.asarray(people), np.full(n, route, np.int32), np.full(n, 0.2))
+    levels, routes = np.full(n, level, np.int32), np.full(n, route, np.int32)
+    local.update(levels, np.asarray(people), routes, np.full(n, 0.2), np.arange(n) < firm)
 
 
 def crowd_in(x1, y1, x2, y2, step=0.4):
@@ -53,6 +54,27 @@ def test_travel_times_stay_those_of_the_empty_building(hall):
     update(local, crowd_in(8.0, 1.0, 11.0, 5.0))
     assert (local.fields.packed.travel_time == clear.packed.travel_time).all()
     assert (local.fields.packed.direction != clear.packed.direction).any()
+
+
+def test_people_who_stand_firm_are_walked_round_on_the_wide_side_until_they_have_gone(hall):
+    """One stands 0.1 m above the line of the way, and 1.9 m of the hall are free on the other side of it."""
+    local, clear = local_in(hall)
+    before, standing = np.array([[9.0, 3.3]]), [9.8, 3.4]
+    update(local, [standing, *before], firm=1)
+    away = []
+    place = before.copy()
+    while place[0, 0] < 11.7:
+        place += 0.05 * local.fields.directions_at(0, place, 0, 0.2)
+        away.append(np.hypot(*(place[0] - standing)))
+    assert min(away) > 0.4
+    assert local.fields.directions_at(0, before, 0, 0.2)[0, 1] < -0.1
+    restored, _ = local_in(hall)
+    restored.restore(local.state())
+    for one in (local, restored):
+        update(one, before)
+        assert one.fields.directions_at(0, before, 0, 0.2) == pytest.approx(
+            clear.directions_at(0, before, 0, 0.2), abs=0.02
+        )
 
 
 def end_of_way(fields, place):
@@ -90,7 +112,7 @@ def test_people_of_another_way_do_not_count(drawing):
     people = np.array([*crowd, [4.0, 3.0]])
     route = np.array([0] * len(crowd) + [1], np.int32)
     n = len(people)
-    local.update(np.zeros(n, np.int32), people, route, np.full(n, 0.2))
+    local.update(np.zeros(n, np.int32), people, route, np.full(n, 0.2), np.zeros(n, np.bool_))
     there = np.array([[5.0, 3.0], [6.0, 3.0]])
     assert (local.fields.directions_at(0, there, 1, 0.2) == clear.directions_at(0, there, 1, 0.2)).all()
     before = np.array([[10.5, 2.0]])

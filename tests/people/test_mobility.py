@@ -7,6 +7,7 @@ from shapely import box
 import evac
 from evac.cli.check import show_building
 from evac.contract.registry import Registry
+from evac.physics.state import FIRM
 from evac.report.of_run import banner, main_results
 from evac.simulation.simulation import Simulation
 from tests.runs import run_ticks
@@ -175,3 +176,19 @@ def test_ramps_are_walked_at_the_speed_on_the_level_up_to_one_in_eight(rise, ram
     assert on_flight == pytest.approx(np.hypot(12.0, rise) / speed, rel=0.02)
     show_building(simulation.building, is_verbose=False)
     assert f"{'ramp' if speed == 1.3 else 'stair'} 1:{12 / rise:g}" in capsys.readouterr().out
+
+
+def test_who_is_at_a_refuge_stands_firm_until_sent_elsewhere():
+    simulation = Simulation(with_refuges(("lobby", None)))
+    while not simulation.ended:
+        simulation.advance_tick()
+    arrived, firmness = simulation.places.arrived, simulation.population.crowd.firmness
+    assert arrived.any()
+    assert (firmness[arrived] == FIRM).all()
+    assert (firmness[~arrived] == 1.0).all()
+    left = np.flatnonzero(arrived)[0]
+    simulation.places.release(left)
+    with simulation.population.writable():
+        simulation.deciding.act(simulation.time)
+    assert firmness[left] == 1.0
+    assert (firmness[arrived] == FIRM).all()

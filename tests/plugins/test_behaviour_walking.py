@@ -352,6 +352,32 @@ def test_people_wait_behind_a_row_of_people_who_close_a_corridor():
     assert simulation.ended == "everybody out"
 
 
+def beside_a_wheelchair(gap, wide, number, seed):
+    """Return a case of people who pass a wheelchair that stays, with a gap on one side and room `wide` on the other."""
+    plan, width = evac.Plan(), wide + 0.8 + gap
+    plan.storey("floor", box(0, 0, 12, width))
+    plan.exit("out", "floor", [(12, 0), (12, width)])
+    plan.area("from", "floor", box(0.3, 0.25, 3, width - 0.25))
+    chair = {"name": "chair", "positions": [[6.0, wide + 0.4]], "level": "floor", "radius": 0.4, "turns": False}
+    others = {"name": "others", "area": "from", "number": number, "speed": {"normal": [1.34, 0.26], "minimum": 0.7}}
+    content = {"building": plan, "people": [chair | {"leave": False}, others], "contact": {"model": "nsm2"}}
+    return evac.load(content | {"behaviours": {"walking": {}}, "simulation": {"seed": seed, "duration": 40.0}})
+
+
+@pytest.mark.parametrize(
+    ("gap", "wide", "number"), [(0.334, 0.0, 1), (0.4, 0.0, 6), (0.6, 0.0, 6), (0.25, 1.0, 6), (0.334, 1.0, 6)]
+)
+def test_who_stands_firm_is_passed_where_a_body_fits_and_not_pushed(gap, wide, number):
+    """Bodies are 0.3 m deep; nobody swings before a gap that is too narrow, beside one that is wide enough."""
+    for seed in (1, 2):
+        simulation = Simulation(beside_a_wheelchair(gap, wide, number, seed))
+        while not simulation.ended:
+            simulation.advance_tick()
+        crowd = simulation.population.crowd
+        assert (crowd.level == [0] + [-1] * number).all()
+        assert crowd.position[0] == pytest.approx(simulation.start_position[0], abs=0.001)
+
+
 @pytest.mark.parametrize("radius", [0.4, 0.14])
 def test_two_who_meet_at_a_door_along_its_wall_both_pass(radius):
     """Their headings are opposite, and their route is the same."""
