@@ -158,3 +158,14 @@ def test_rooms_that_overlap_and_share_walls_are_joined():
     building = plan.building()
     assert building.levels[0].polygon.area == pytest.approx(200.0 - 4.5 * 1.4, abs=1e-6)
     assert [finding.kind for finding in building.findings] == ["assumed"]
+
+
+def test_an_exit_that_parts_a_floor_is_named_with_its_place():
+    plan = Plan()
+    plan.storey("floor", box(0, 0, 10, 6))
+    plan.exit("across", "floor", polygon=box(5, -1, 5.5, 7))
+    with pytest.raises(BuildingError) as caught:
+        plan.building()
+    (error,) = caught.value.findings
+    assert (error.item, error.place, error.remedy) == ("exits.across", pytest.approx((5.25, 3.0)), "remove it")
+    assert "exit:" not in error.text

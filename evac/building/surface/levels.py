@@ -14,7 +14,7 @@ from evac.base.errors import BuildingError
 from evac.building.geometry import connected_components, segment_lengths, union
 from evac.building.model.building import Door, Exit, Level, Portal
 from evac.building.model.elevation import level_elevation
-from evac.building.model.findings import Finding, away, item_of, numbered
+from evac.building.model.findings import Finding, away, item_of, numbered, refusal
 from evac.building.surface.surface import Surface
 
 #: Corners at most this far from the straight line between their neighbours are removed [m].
@@ -450,6 +450,9 @@ def _tagged_exit(
     on = np.unique(level_set.level_of_cell[table.cell[rows]])
     if len(on) > 1:
         names = " and ".join(repr(level_set.levels[level].name) for level in on)
-        raise BuildingError(f"{source}: {tag!r} lies on the levels {names}; give each part its own name")
+        x, y = surface.vertices[table.ends[rows]].mean(axis=(0, 1))[:2].tolist()
+        name = tag.removeprefix("exit:")
+        text = f"exit {name!r} lies on the levels {names}; give each part its own name"
+        raise refusal(source, [Finding("error", text, place=(x, y), item=f"exits.{name}")])
     segments = np.concatenate(chains(surface.vertices, table.ends[rows]))
     return Exit(index, tag.removeprefix("exit:"), int(on[0]), segments, float(segment_lengths(segments).sum()))
