@@ -27,6 +27,9 @@ NEAR, STRAIGHT = 6.0, 4.0
 #: ahead do not slow down, greater than the one that people keep from those ahead at the speed of devices [m].
 LOST, BESIDE = 3.0, 2.0
 
+#: Distance from a door at which its two sides are looked at [m].
+BESIDE_DOOR = 0.5
+
 #: Speed of helpers who have fallen behind, over that of the device.
 HASTE = 1.3
 
@@ -101,7 +104,7 @@ class Helpers(Behaviour):
 
     device = Parameter("", "device with which people of the group are brought out")
     fetches = Parameter("", "name of the group that people of this group fetch")
-    areas: Any = Parameter((), "areas in which people wait for helpers")
+    areas: Any = Parameter((), "areas in which people wait for helpers, each in one room")
     exits: Any = Parameter((), "exits to which people are brought; empty: any")
     to = Parameter("", "area of a place of kind assembly to which people are brought, instead of exits")
     lifts: Any = Parameter("", "whether people are brought by lifts, as `lifts` of groups: weighed or preferred")
@@ -128,6 +131,9 @@ class Helpers(Behaviour):
         self._scene = scene
         areas = {area.name: area for area in scene.building.areas}
         self._areas = [areas[name] for name in self.areas]
+        walls, level = scene.building.walls.reshape(-1, 2, 2), scene.building.wall_level
+        self._walls = [shapely.multilinestrings(walls[level == k]) for k in range(len(scene.building.levels))]
+        self._check_areas()
         places = {place.area: place for place in scene.building.places if place.kind == "assembly"}
         self._place = places.get(self.to)
         if self.to and self._place is None:
@@ -165,6 +171,19 @@ class Helpers(Behaviour):
             hint = did_you_mean(name, list(self._devices))
             raise ScenarioError(f"people.{group.name}.behaviours.helpers.device: there is no {name!r}; {hint}")
         return self._devices[name]
+
+    def _check_areas(self) -> None:
+        """Check that areas are rooms, because the way to an area ends when helpers have entered it."""
+        for area in self._areas:
+            for door in (one for one in self._scene.building.doors if one.level == area.level):
+                x1, y1, x2, y2 = door.segment.tolist()
+                off = BESIDE_DOOR / math.hypot(x2 - x1, y2 - y1)
+                sides = [(0.5 * (x1 + x2) + k * (y2 - y1), 0.5 * (y1 + y2) - k * (x2 - x1)) for k in (-off, off)]
+                if shapely.contains_xy(area.polygon, sides).all():
+                    raise ScenarioError(
+                        f"behaviours.helpers.areas: {area.name!r} is on both sides of door {door.name!r}; name an area "
+                        "for each room, because helpers walk straight to people in an area"
+                    )
 
     def _check_people(self) -> None:
         """Check that all people can be fetched."""
@@ -259,7 +278,12 @@ class Helpers(Behaviour):
             self._state[k], self._until[k] = IS_PREPARED, time + self.preparation
 
     def _turn_to(self, crowd: Crowd, helpers: IntArray, person: int) -> None:
-        """Let helpers walk straight to a person."""
+        """Let helpers walk straight to a person whom they see, or in whose area they are."""
+        area, (x, y) = self._area_of(crowd, person), crowd.position[helpers].T
+        ends = np.broadcast_to(crowd.position[person], (len(helpers), 2))
+        lines = shapely.linestrings(np.stack([crowd.position[helpers], ends], axis=1))
+        is_free = ~shapely.intersects(self._walls[crowd.level[person]], lines)
+        helpers = helpers[is_free | (area is not None and shapely.contains_xy(area.polygon, x, y))]
         apart = crowd.position[person] - crowd.position[helpers]
         crowd.extra_direction[helpers] += STRAIGHT * apart / np.maximum(np.hypot(*apart.T), REACH)[:, None]
 

@@ -161,3 +161,32 @@ def test_a_helper_who_is_still_needed_returns_from_the_exit():
     out = simulation.population.crowd.exit_time
     assert out[2] > out[1] - 3.0
     assert all(" by 2 at " in note for note in simulation.results().notes)
+
+
+def rooms(area):
+    """Return a case of two rooms with a patient in one of them, and a helper who starts near it in the other one."""
+    plan = evac.Plan()
+    plan.storey("floor", [box(0, 0, 7.8, 5), box(8, 0, 16, 5), box(0, 5.2, 16, 8)])
+    plan.door("west", "floor", [(1, 5.1), (2.2, 5.1)])
+    plan.door("east", "floor", [(13, 5.1), (14.2, 5.1)])
+    plan.exit("out", "floor", [(0, 6), (0, 7.2)])
+    plan.area("room", "floor", box(0, 0, 7.8, 5))
+    plan.area("both", "floor", box(0, 0, 16, 8))
+    own, fetch = {"helpers": {"device": "support"}}, {"helpers": {"fetches": "patients"}}
+    people = [
+        {"name": "patients", "level": "floor", "positions": [[6.0, 3.0]], "behaviours": own},
+        {"name": "staff", "level": "floor", "positions": [[10.0, 3.0]]} | {"behaviours": fetch},
+    ]
+    behaviours = {"walking": {}, "helpers": {"areas": [area], "preparation": 1.0}}
+    simulation = {"duration": 120.0, "no_progress": 15.0}
+    tables = {"building": plan, "people": people, "contact": {"model": "nsm1"}, "behaviours": behaviours}
+    return Simulation(evac.load(tables | {"simulation": simulation}))
+
+
+def test_a_helper_near_a_person_behind_a_wall_goes_through_the_doors():
+    assert rooms("room").run().ended == "everybody out"
+
+
+def test_areas_of_several_rooms_are_refused_with_a_door_in_them():
+    with pytest.raises(evac.EvacError, match=r"behaviours\.helpers\.areas: 'both' .* 'west'"):
+        rooms("both")
