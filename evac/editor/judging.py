@@ -85,7 +85,7 @@ def _drawn(building: Building) -> dict[str, Any]:
     origin = np.round(building.vertices[:, :2].mean(axis=0))
     page, floors = building_for_page(building, origin)
     ends = [way for way in building.exits if building.is_open(way)]
-    reached = levels_reaching(building, ends) if ends else set()
+    reached = levels_reaching(building.for_ways, ends) if ends else set()
     storeys = storeys_of(building)
     lines: dict[str, list[tuple[Door | Exit, FloatArray]]] = {
         "doors": [(door, door.segment) for door in building.doors],

@@ -23,7 +23,7 @@ from evac.replay.writer import PAGE as REPLAY
 PAGE = Path(__file__).with_name("page")
 #: Modules of the page of the replay that this one is made of, too.
 SHARED = (
-    *("camera", "chart", "colours", "controls", "layout", "meshes", "section", "shaders", "stage"),
+    *("camera", "cars", "chart", "colours", "controls", "layout", "meshes", "section", "shaders", "stage"),
     *("run/density", "panel"),
 )
 TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "json": "application/json"}

@@ -113,6 +113,16 @@ def test_an_exit_along_several_rooms_is_one_of_each(page):
     assert [row["segment"]["rooms"] for row in page.plan["exits"]] == [["a"], ["b"]]
 
 
+def test_each_part_of_an_exit_can_be_selected(page):
+    page.run(
+        "editor.store.commit(editor.store.now.add('exits', { name: 'wide', storey: 'ground', "
+        "segment: [[[7, 0], [8, 0]], [[10, 0], [11, 0]]] }))"
+    )
+    page.click((10.5, 0))
+    assert page.text("#inspector h2") == "Exit wide"
+    assert page.text("#inspector p") == "2.00 m wide, in 2 parts"
+
+
 def test_an_exit_is_dragged_round_the_corner_of_a_room(page):
     page.keys("e")
     page.click((3, 0))

@@ -3,7 +3,7 @@
 const LISTS = ["people", "event", "phase", "compartment"];
 const TABLES = ["safety", "simulation"];
 const SHOWN = {  // Fields that are there from the start; the others are added.
-  people: ["preset", "number", "density", "level", "area", "use", "speed"], event: ["time", "kind", "target", "value"], phase: ["of", "delay", "cue"], compartment: ["of", "available", "visibility", "fed"], simulation: ["duration", "seed"],
+  people: ["preset", "number", "density", "level", "area", "use", "speed"], event: ["time", "kind", "target", "value"], phase: ["of", "delay", "cue"], compartment: ["of", "available", "visibility", "fed"], simulation: ["duration", "seed"], lifts: ["capacity", "speed"],
 };
 const BY_MEAN = "lognormal by mean", FACTOR = "factor";
 const NUMBERS = { constant: "value", [BY_MEAN]: "mean, standard deviation", [FACTOR]: "of the speed on the flat" };  // What the numbers are.
@@ -14,7 +14,7 @@ class Forms {
     const [, table] = schema.definitions.Distribution.anyOf;
     this.kinds = Object.entries(table.properties).filter(([name]) => !["minimum", "maximum"].includes(name));
     for (const section of LISTS) by(`add-${section}`).addEventListener("click", () => this.add(section));
-    by("of-case").hidden = false;
+    by("of-case").hidden = !this.table.content.case;
   }
 
   get table() { return this.store.now; }
@@ -28,6 +28,7 @@ class Forms {
 
   // The lists at the left.
   showRail(selected) {
+    if (!this.table.content.case) return;
     for (const section of LISTS) {
       refill(by(section), this.table.rows(section).map((row, index) => {
         const item = document.createElement("li"), button = this.button(row.name, () => this.act.select({ section, index })), where = row.area ?? row.use ?? row.level ?? "";
@@ -80,6 +81,12 @@ class Forms {
     return [...about, ...this.fields(schema, row === true ? {} : row, change, SHOWN[index === "simulation" ? index : section] ?? Object.keys(schema.properties), `${section}.${index}`)];
   }
 
+  // How a lift works.
+  operation(ref, { operation = {} }) {
+    const change = (next) => this.store.commit(this.table.put(ref, "operation", Object.keys(next).length ? next : undefined));
+    return this.fields(this.resolved({ $ref: "LiftOptions" }), operation, change, SHOWN.lifts, `lifts.${ref.index}`);
+  }
+
   // A field for each key that is there or shown anyway, and a choice of the others.
   fields(schema, values, change, shown, place) {
     const rank = (key) => shown.indexOf(key) < 0 ? shown.length : shown.indexOf(key), all = Object.entries(schema.properties ?? {}).filter(([key]) => key !== "name").sort(([a], [b]) => rank(a) - rank(b)), isHere = ([key]) => shown.includes(key) || values[key] !== undefined || this.added.has(`${place}.${key}`);
@@ -116,7 +123,7 @@ class Forms {
   // Names that a key can have.
   names(place) {
     const of = (...sections) => sections.flatMap((section) => this.table.rows(section).map(({ name }) => name)), key = place.split(".").pop();
-    const found = { level: of("storeys"), area: of("areas", "rooms"), use: [...new Set(this.table.rows("rooms").map(({ use }) => use))], preset: [...Object.keys(this.table.content.case.presets ?? {}), ...Object.keys(this.presets)], target: of("exits", "doors", "shafts", "stairs", "areas") };
+    const found = { level: of("storeys"), area: of("areas", "rooms"), use: [...new Set(this.table.rows("rooms").map(({ use }) => use))], preset: [...Object.keys(this.table.content.case?.presets ?? {}), ...Object.keys(this.presets)], target: of("exits", "doors", "shafts", "stairs", "lifts", "areas"), discharge: of("storeys"), start: of("storeys") };
     return found[key]?.filter(Boolean);
   }
 

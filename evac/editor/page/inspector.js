@@ -12,7 +12,7 @@ const FIELDS = {
   flights: { stair: ["Stair", TEXT], lower_z: ["From height [m]", NUMBER], upper_z: ["To height [m]", NUMBER] },
   landings: { stair: ["Stair", TEXT], z: ["Height [m]", NUMBER] },
   doors: { outside: ["With no room behind", ["", "refuse", "exit", "opening"]] },
-  areas: {}, obstacles: {}, exits: {}, openings: {},
+  areas: {}, obstacles: {}, lifts: {}, exits: {}, openings: {},
 };
 const node = (tag, text = "", values = {}) => Object.assign(document.createElement(tag), { textContent: text }, values);
 
@@ -55,6 +55,7 @@ class Inspector {
     if (isOfCase) parts.push(...this.forms.fieldsOf(ref, row));
     if (section === "rooms") parts.push(...this.use(ref, row));
     if (!isOfCase && !isGround) for (const [key, [label, kind]] of Object.entries(FIELDS[section])) parts.push(this.field(label, row[key], kind, set(key)));
+    if (section === "lifts") parts.push(this.stops(ref, row), ...this.forms.operation(ref, row));
     if (what !== "storey" && !isOfCase) parts.push(...this.sizes(ref, row));
     const actions = node("div", "", { className: "actions" });
     if (selected && !isGround && !["behaviours", "case"].includes(section)) actions.append(this.button("Duplicate", "Ctrl+D", this.act.duplicate));
@@ -77,6 +78,18 @@ class Inspector {
     return row.use ? [box, node("p", load ? `${capital(held(load))} (${load.source})${row.people === undefined && row.density === undefined ? "" : ", unless stated below"}` : "No load is known: state the people below, or in a group")] : [box];
   }
 
+  // The storeys at which a lift stops, the highest first.
+  stops(ref, { storeys }) {
+    const box = document.createElement("fieldset"), all = this.table.storeys.map(({ name }) => name);
+    box.append(node("legend", "Stops"), ...all.toReversed().map((name) => {
+      const label = node("label", name), input = node("input", "", { type: "checkbox", checked: storeys.includes(name) });
+      input.addEventListener("change", () => this.store.commit(this.table.put(ref, "storeys", all.filter((one) => one === name ? input.checked : storeys.includes(one)))));
+      label.append(input);
+      return label;
+    }));
+    return box;
+  }
+
   button(text, title, action) {
     const button = node("button", text, { type: "button", title });
     button.addEventListener("click", action);
@@ -85,17 +98,21 @@ class Inspector {
 
   // Widths of doors, widths and depths of outlines, and the length of a selected wall, which can be typed.
   sizes(ref, row) {
-    const line = ON_WALLS.includes(ref.section) && this.view.lineOf(ref, row), found = [];
+    const line = ON_WALLS.includes(ref.section) && this.view.lineOf(ref, row), lines = line ? this.view.linesOf(ref, row) : [], found = [];
     const commit = (next) => this.store.commit(next);
     if (isTie(row.segment)) {
       for (const [key, label] of [["width", "Width [m]"], ["at", "At [m]"]]) found.push(this.field(label, row.segment[key], NUMBER, (value) => { const { [key]: _, ...rest } = row.segment; commit(this.table.put(ref, "segment", value === undefined ? rest : { ...rest, [key]: value })); }));
       found.push(node("p", `On the wall of ${row.segment.rooms.join(" and ")}`));
+    } else if (line && lines.length > 1) {
+      found.push(node("p", `${wide(lines).toFixed(2)} m wide, in ${lines.length} parts`));
     } else if (line) {
       const [a, b] = line, whole = length(minus(b, a)), at = middle(line);
       found.push(this.field("Width [m]", mm(whole), NUMBER, (width) => { if (width > 0) commit(this.table.set(ref, moved(row, (end) => at.map((value, i) => mm(value + (end[i] - value) * width / whole))))); }));
     }
     const { selected } = this.view, rings = this.table.rings(ref);
-    if ([...POLYGONS, "storeys"].includes(ref.section) && rings.length) {
+    const [door] = doorsOf(row);
+    if (door) found.push(this.field("Door [m]", mm(length(minus(...door))), NUMBER, (width) => { if (width > 0) commit(this.table.put(ref, "door", onWall(middle(door), this.table.outlines(ref).flatMap(sidesOf2), width))); }));
+    if ([...POLYGONS, "lifts", "storeys"].includes(ref.section) && rings.length) {
       const spans = [0, 1].map((i) => range(rings.flat(), (corner) => corner[i]));
       for (const [i, label] of [[0, "Width [m]"], [1, "Depth [m]"]]) {
         const [low, high] = spans[i];

@@ -3,7 +3,7 @@
 const PAGE = Array.from(crypto.getRandomValues(new Uint32Array(2)), (word) => word.toString(36)).join("");  // Of several that are open.
 const UNDRAWN = ["select", "measure"];  // Tools that change no building.
 const KEYS = [
-  ["V, R, W, D, E, S, L, G, A, O, M, P", "tools: select, room, wall, door, exit, stair, flight, landing, area, obstacle, measure, picture"],
+  ["V, R, W, D, E, S, U, L, G, A, O, M, P", "tools: select, room, wall, door, exit, stair, lift, flight, landing, area, obstacle, measure, picture"],
   ["Click, Enter", "with a tool: the next point; at the first one again, the outline ends"],
   ["Arrows, with Shift 1 m", "move what is selected, or the cross with which one draws, by 0.1 m"],
   ["Digits", "while drawing: a length, or 6x4 a rectangle, then Enter"],
@@ -38,7 +38,7 @@ async function ask(name, body) {
 async function start() {
   const opened = await ask("document");
   if (opened.begin) return begin();
-  const isCase = Boolean(opened.table.case), declared = isCase ? await ask("forms") : null;
+  const isCase = Boolean(opened.table.case), declared = await ask("forms");
   const store = new Store(opened.table, changed), view = new PlanView(by("view"), store), view3d = new View3D(by("view3d"));
   let { digest } = opened, onDisk = digest, isAsked = false, isStale = false, isSaving = false, isLost = false;
   view.storey = store.now.storeys[0]?.name ?? "";
@@ -53,7 +53,7 @@ async function start() {
       if (ref) document.querySelector("aside").scrollTop = 0;
       view.selected = ref;
       inspector.show(ref);
-      forms?.showRail(ref);
+      forms.showRail(ref);
       timeline?.show(ref);
       view.draw();
     },
@@ -107,7 +107,7 @@ async function start() {
     remove() {
       const ref = view.selected ?? { section: "storeys", index: store.now.rows("storeys").findIndex(({ name }) => name === view.storey) };
       if (store.now.row(ref) && (opened.is_drawn || ref.section !== "storeys")) {
-        const { corner, side, ...whole } = ref;
+        const { corner, side, door, ...whole } = ref;
         view.selected = null;
         store.commit(store.now.remove(whole));
       }
@@ -131,13 +131,13 @@ async function start() {
     },
 
     nextPart() {
-      const { corner, side, ...ref } = view.selected ?? {}, rings = ref.section ? store.now.outlines(ref) : [];
-      const parts = rings.flatMap((ring) => sidesOf2(ring).flatMap((one) => [{ corner: one[0] }, { side: one }]));
-      const now = parts.findIndex((part) => corner ? part.corner && keyOf(part.corner) === keyOf(corner) : side && part.side && keyOf(part.side[0]) === keyOf(side[0]));
+      const { corner, side, door, ...ref } = view.selected ?? {}, rings = ref.section ? store.now.outlines(ref) : [];
+      const parts = rings.flatMap((ring) => sidesOf2(ring).flatMap((one) => [{ corner: one[0] }, { side: one }])).concat(ref.section === "lifts" ? [{ door: true }] : []);
+      const now = parts.findIndex((part) => door ? part.door : corner ? part.corner && keyOf(part.corner) === keyOf(corner) : side && part.side && keyOf(part.side[0]) === keyOf(side[0]));
       const part = parts[(now + 1) % parts.length];
-      if (![...POLYGONS, ...PIECES, "storeys"].includes(ref.section)) return;
+      if (!OUTLINED.includes(ref.section)) return;
       act.select({ ...ref, ...part });
-      act.say(part.corner ? `Corner ${part.corner.join(", ")}` : `Wall of ${length(minus(part.side[1], part.side[0])).toFixed(2)} m`);
+      act.say(part.door ? "Door" : part.corner ? `Corner ${part.corner.join(", ")}` : `Wall of ${length(minus(part.side[1], part.side[0])).toFixed(2)} m`);
     },
 
     async save() {
@@ -183,7 +183,7 @@ async function start() {
       view3d.draw();
     },
   };
-  const forms = isCase ? new Forms(store, act, declared) : null, inspector = new Inspector(store, view, act, forms, opened.loads);
+  const forms = new Forms(store, act, declared), inspector = new Inspector(store, view, act, forms, opened.loads);
   const tools = new Tools(store, view, act), running = new Running(view, view3d, act, isCase), designs = isCase ? new Designs(act) : null, timeline = isCase ? new Timeline(store, act) : null;
   const pictures = new Pictures(view, store, act);
   Object.assign(view, { tools, pictures });
@@ -194,7 +194,7 @@ async function start() {
     if (view.selected && !store.now.row(view.selected)) view.selected = null;
     inspector.show(view.selected);
     inspector.showStoreys();
-    forms?.showRail(view.selected);
+    forms.showRail(view.selected);
     timeline?.show(view.selected);
     locate();
     showState();
@@ -242,7 +242,7 @@ async function start() {
       const ref = index < 0 ? null : { section, index }, row = ref && store.now.row(ref), line = ref && (view.lineOf(ref, row) ?? store.now.rings(ref)[0]);
       one.ref = section === "storeys" ? null : ref;
       one.tool = Object.keys(TOOLS).find((tool) => TOOLS[tool].section === one.item) ?? (section === "storeys" && ref && !row.like && !row.file && !store.now.on(name).length ? "room" : null);  // Nothing of the kind is there.
-      if (!store.now.storey(one.storey)) one.storey = row?.storey ?? row?.lower ?? (section === "storeys" ? row?.name : one.storey);
+      if (!store.now.storey(one.storey)) one.storey = row?.storey ?? row?.lower ?? row?.storeys?.[0] ?? (section === "storeys" ? row?.name : one.storey);
       one.at = one.place?.slice(0, 2) ?? (line && middle(line));
     }
   }
@@ -254,9 +254,11 @@ async function start() {
     if (failed) return warn(failed);
     view.findings = findings;
     if (building) {
+      const isFirst = !view.judged && !store.revision;
       view.judged = { ...building, hasExits: building.segments.exits.length > 0 };
       view.judgedRevision = revision;
       view3d.show({ building: building.three.building, floors: building.three.floors, origin: building.three.origin });
+      if (isFirst) view.fit();  // With stairs outside the rooms.
     } else view.judgedRevision = -1;
     locate();
     inspector.showFindings(findings);

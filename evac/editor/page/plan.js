@@ -45,7 +45,7 @@ class PlanView {
 
   fit() {
     const corners = this.table.storeys.flatMap(({ name }) => [name, ...this.table.originals(name)].flatMap((one) => this.table.on(one).flatMap((ref) => this.table.rings(ref).flat())));
-    const all = corners.length ? corners : (this.judged?.levels ?? []).flatMap(({ polygons }) => polygons.flat(2)), [w, h] = this.size;
+    const all = [...corners, ...(this.judged?.levels ?? []).flatMap(({ polygons }) => polygons.flat(2))], [w, h] = this.size;
     const [x, y] = [0, 1].map((i) => range(all.length ? all : [[0, 0], [20, 12]], (corner) => corner[i]));
     Object.assign(this, { y: centre(y), zoom: Math.max(0.5, Math.min(200, Math.min((w - 2 * MARGIN - TOOLS_WIDE) / (x[1] - x[0] || 1), (h - 2 * MARGIN) / (y[1] - y[0] || 1)))) });
     this.x = centre(x) - TOOLS_WIDE / 2 / this.zoom;
@@ -63,6 +63,12 @@ class PlanView {
     [this.x, this.y] = point;
     this.zoom = Math.max(this.zoom, 30);
     this.draw();
+  }
+
+  // The outlines of rooms and ground: those of the table, and of what it takes from other storeys and files.
+  groundHere() {
+    const refs = [this.storey, ...this.table.originals(this.storey)].flatMap((name) => this.table.on(name)), floors = this.levels().filter(({ kind }) => kind === "floor");
+    return [...["rooms", "storeys"].flatMap((section) => refs.filter((ref) => ref.section === section).flatMap((ref) => this.table.rings(ref))), ...floors.flatMap(({ polygons }) => polygons.map(([ring]) => ring))];
   }
 
   // The walls on which doors and exits may be: those of the table, and of what it takes from other storeys and files.
@@ -88,7 +94,13 @@ class PlanView {
       const [dx, dy] = row.direction ?? [1, 0], far = Math.hypot(dx, dy) || 1, half = (row.width ?? 1) / 2;
       return [plus(row.foot, [-dy / far * half, dx / far * half]), plus(row.foot, [dy / far * half, -dx / far * half])];
     }
-    return ringsOf(row)[0]?.slice(0, 2) ?? null;
+    return (doorsOf(row)[0] ?? ringsOf(row)[0])?.slice(0, 2) ?? null;
+  }
+
+  // All lines of such a thing: exits and lifts may have several.
+  linesOf(ref, row) {
+    if (isTie(row.segment) || row.foot) return [this.lineOf(ref, row)].filter(Boolean);
+    return ref.section === "lifts" ? doorsOf(row) : ringsOf(row);
   }
 
   // What is at a point: lines before outlines, of these the smallest; with the corner or the side that is near.
@@ -96,14 +108,14 @@ class PlanView {
     const reach = REACH / this.zoom, refs = this.table.on(this.storey);
     let best = null, least = reach;
     for (const ref of refs) {
-      const line = [...ON_WALLS, ...STAIRS].includes(ref.section) && this.lineOf(ref, this.table.row(ref)), away = line ? nearest(point, line).away : Infinity;
-      if (away < least) [best, least] = [{ ref }, away];
+      const lines = [...ON_WALLS, ...STAIRS, "lifts"].includes(ref.section) ? this.linesOf(ref, this.table.row(ref)) : [], away = Math.min(...lines.map((line) => nearest(point, line).away));
+      if (away < least) [best, least] = [ref.section === "lifts" ? { ref, side: { door: true } } : { ref }, away];
     }
     if (best) return best;
     const stair = this.levels().find(({ stair, polygons }) => stair && polygons.some(([ring]) => isInside(point, ring)))?.stair;
     const shaft = refs.find((ref) => STAIRS.includes(ref.section) && stair && stair.startsWith(this.table.row(ref).name));
     if (shaft) return { ref: shaft };
-    const outlines = refs.filter(({ section }) => [...POLYGONS, ...PIECES, "storeys"].includes(section)).flatMap((ref) => this.table.outlines(ref).map((ring) => ({ ref, ring, size: Math.abs(areaOf(ring)) })));
+    const outlines = refs.filter(({ section }) => OUTLINED.includes(section)).flatMap((ref) => this.table.outlines(ref).map((ring) => ({ ref, ring, size: Math.abs(areaOf(ring)) })));
     const isChosen = ({ ref }) => this.selected && ref.section === this.selected.section && ref.index === this.selected.index;
     outlines.sort((a, b) => isChosen(b) - isChosen(a) || a.size - b.size);
     for (const { ref, ring } of outlines) {
@@ -196,7 +208,7 @@ class PlanView {
       const rings = level.polygons.flat();
       if (level.kind !== "floor") {
         this.path(rings);
-        pen.fillStyle = look[level.kind];
+        pen.fillStyle = look[level.kind] ?? look.landing;  // Of cars.
         pen.fill("evenodd");
         Object.assign(pen, { strokeStyle: look["wall-top"], lineWidth: 1.2 / zoom });
         pen.stroke();
@@ -231,8 +243,10 @@ class PlanView {
     const { pen, look, zoom, table, selected } = this;
     const isSelected = (ref) => selected && ref.section === selected.section && ref.index === selected.index && ref.part === selected.part;
     const rows = [...this.table.originals(this.storey).flatMap((name) => table.on(name).filter(({ section }) => ["areas", "obstacles"].includes(section))), ...table.on(this.storey)];
-    for (const ref of rows.filter(({ section }) => [...POLYGONS, ...PIECES, "storeys"].includes(section))) {
-      this.path(table.outlines(ref));
+    for (const ref of rows.filter(({ section }) => OUTLINED.includes(section))) {
+      const outlines = table.outlines(ref);
+      this.path(outlines);
+      if (ref.section === "lifts") this.paintCar(outlines[0] ?? []);
       if (ref.section === "obstacles") { pen.fillStyle = look.desk; pen.fill("evenodd"); }
       if (isSelected(ref)) { pen.save(); pen.globalAlpha = 0.13; pen.fillStyle = look.accent; pen.fill("evenodd"); pen.restore(); }
       pen.setLineDash(ref.section === "areas" ? [6 / zoom, 4 / zoom] : []);
@@ -242,15 +256,24 @@ class PlanView {
       if (isSelected(ref)) for (const corner of table.rings(ref).flat()) this.dot(corner, look.accent);
     }
     for (const { ends, section } of this.others()) this.line(ends, section === "exits" ? look.exit : look.soft, Math.max(0.1, 3 / zoom));
-    for (const ref of table.on(this.storey).filter(({ section }) => ON_WALLS.includes(section) || STAIRS.includes(section))) {
-      const row = table.row(ref), lines = isTie(row.segment) || row.foot ? [this.lineOf(ref, row)] : ringsOf(row), colour = { exits: look.exit, doors: look.accent }[ref.section] ?? look.soft;
-      for (const line of lines) if (line) {
-        this.line(line, isSelected(ref) ? look.mark : colour, Math.max(0.14, (isSelected(ref) ? 8 : 5) / zoom));
+    for (const ref of table.on(this.storey).filter(({ section }) => [...ON_WALLS, ...STAIRS, "lifts"].includes(section))) {
+      const row = table.row(ref), colour = { exits: look.exit, doors: look.accent, lifts: look.accent }[ref.section] ?? look.soft;
+      for (const line of this.linesOf(ref, row)) {
+        this.line(line, isSelected(ref) && (ref.section !== "lifts" || selected.door) ? look.mark : colour, Math.max(0.14, (isSelected(ref) && ref.section !== "lifts" ? 8 : 5) / zoom));
         if (ref.section === "doors") this.line(line, look.floor, Math.max(0.05, 1.5 / zoom));
       }
     }
     if (selected?.side) this.line(selected.side, look.mark, 5 / zoom);
     if (selected?.corner) this.dot(selected.corner, look.mark);
+  }
+
+  // The car of a lift has a cross, as in plans of architects.
+  paintCar(ring) {
+    const { pen, look, zoom } = this;
+    pen.fillStyle = look.landing;
+    pen.fill("evenodd");
+    for (const [k, corner] of ring.entries()) if (k + 2 < Math.min(4, ring.length)) this.line([corner, ring[k + 2]], look.soft, 1 / zoom);
+    this.path([ring]);
   }
 
   // People of a run that goes on, on the storey and the stairs that begin on it.
@@ -311,8 +334,8 @@ class PlanView {
   }
 
   // What stands beside a door, an exit or the foot of a stair: of exits outside.
-  nameLine(section, name, line) {
-    const [dx, dy] = minus(line[1], line[0]), far = Math.hypot(dx, dy) || 1, width = mm(far).toFixed(2), at = middle(line), words = { doors: width, exits: `${name} ${width}` }[section] ?? name;
+  nameLine(section, name, line, lines = [line]) {
+    const [dx, dy] = minus(line[1], line[0]), far = Math.hypot(dx, dy) || 1, width = mm(wide(lines)).toFixed(2), at = middle(line), words = { doors: width, exits: `${name} ${width}` }[section] ?? name;
     const floors = this.levels().flatMap(({ polygons }) => polygons.map(([ring]) => ring)), isIn = ([x, y]) => floors.some((ring) => isInside([at[0] + 0.3 * x, at[1] + 0.3 * y], ring));
     let aside = [-dy / far, dx / far];
     if (section === "exits" && isIn(aside) && !isIn(aside.map((value) => -value))) aside = aside.map((value) => -value);
@@ -324,9 +347,9 @@ class PlanView {
     const { table, look, zoom } = this, named = [this.storey, ...table.originals(this.storey)];
     for (const ref of named.flatMap((name) => table.on(name))) {
       const row = table.row(ref), isOwn = row.storey === this.storey || row.lower === this.storey, line = [...ON_WALLS, ...STAIRS].includes(ref.section) && isOwn && this.lineOf(ref, row);
-      if (line && zoom > 8) this.nameLine(ref.section, row.name ?? "", line);
+      if (line && zoom > 8) this.nameLine(ref.section, row.name ?? "", line, this.linesOf(ref, row));
       const [ring] = table.rings(ref);
-      if (POLYGONS.includes(ref.section) && ring && Math.sqrt(Math.abs(areaOf(ring))) * zoom > 45) {
+      if ([...POLYGONS, "lifts"].includes(ref.section) && ring && Math.sqrt(Math.abs(areaOf(ring))) * zoom > 45) {
         const [x, y] = [0, 1].map((i) => range(ring, (corner) => corner[i])), isArea = ref.section === "areas";  // Whose names are at their upper edge.
         this.text(row.name ?? "", [centre(x), isArea ? y[1] : centre(y)], ref.section === "rooms" ? look.text : look.soft, [0, isArea ? 12 : ref.section === "rooms" ? -8 : 0], ref.section === "rooms" ? 600 : 400);
       }

@@ -4,8 +4,9 @@ const POLYGONS = ["rooms", "areas", "obstacles"];
 const ON_WALLS = ["doors", "exits", "openings"];
 const STAIRS = ["shafts", "stairs"];
 const PIECES = ["flights", "landings"];  // Of stairs that are drawn piece by piece.
-const DRAWN = [...ON_WALLS, ...STAIRS, ...PIECES, ...POLYGONS];
-const SHAPES = ["polygon", "polygons", "segment", "lower_edge", "upper_edge"];
+const OUTLINED = [...POLYGONS, ...PIECES, "lifts", "storeys"];
+const DRAWN = [...ON_WALLS, ...STAIRS, ...PIECES, "lifts", ...POLYGONS];
+const SHAPES = ["polygon", "polygons", "segment", "lower_edge", "upper_edge", "door"];
 const CASE = ["people", "event", "phase", "compartment", "behaviours"];  // Of the case, which is beside the plan as `case`.
 const NAMED = { storeys: "level", areas: "area" };  // Keys of groups with names of the plan.
 const USUAL_HEIGHT = 3;  // From a storey to the next one [m].
@@ -19,6 +20,7 @@ const minus = ([x1, y1], [x2, y2]) => [x1 - x2, y1 - y2];
 const length = ([x, y]) => Math.hypot(x, y);
 const letters = (n) => (n > 26 ? letters(Math.floor((n - 1) / 26)) : "") + String.fromCharCode(65 + (n - 1) % 26);
 const middle = ([[x1, y1], [x2, y2]]) => [(x1 + x2) / 2, (y1 + y2) / 2];
+const wide = (lines) => lines.reduce((sum, [a, b]) => sum + length(minus(b, a)), 0);
 const keyOf = ([x, y]) => `${mm(x)},${mm(y)}`;
 const sidesOf2 = (ring) => ring.map((corner, k) => [corner, ring[(k + 1) % ring.length]]);
 
@@ -68,6 +70,9 @@ function moved(row, move, isRing = () => true) {
   if (row.foot) next.foot = move(row.foot);
   return Object.keys(next).every((key) => next[key] === row[key]) ? row : next;
 }
+
+// The doors of a lift, which are lines on its outline.
+const doorsOf = (row) => row.door ? ringsOf({ door: row.door }) : [];
 
 const areaOf = (ring) => sidesOf2(ring).reduce((sum, [[x1, y1], [x2, y2]]) => sum + x1 * y2 - x2 * y1, 0) / 2;
 
@@ -145,14 +150,16 @@ class Table {
 
   // Whether something is drawn on a storey: pieces of stairs on the highest one that is not above them.
   isOn(row, section, name) {
-    if (!PIECES.includes(section)) return [row.storey, row.lower].includes(name);
+    if (!PIECES.includes(section)) return (row.storeys ?? [row.storey, row.lower]).includes(name);
     const z = row.lower_z ?? row.z ?? Math.min(...ringsOf(row).flat().map((corner) => corner[2] ?? 0));
     return (this.storeys.findLast((one) => (one.z ?? 0) < z + 0.05) ?? this.storeys[0])?.name === name;
   }
 
-  // The closed outlines of something: its rings, and of a flight between two edges what is between them.
+  // The closed outlines of something: its rings, of a lift without its doors, and of a flight between two edges what is
+  // between them.
   outlines(ref) {
     const rings = this.rings(ref), [[a, b], [c, d] = []] = [rings[0] ?? [], rings[1]];
+    if (ref.section === "lifts") return rings.slice(0, rings.length - doorsOf(this.row(ref)).length);
     if (ref.section !== "flights" || rings.length !== 2) return rings;
     const [x, y] = minus(b, a), [dx, dy] = minus(d, c);
     return [x * dx + y * dy > 0 ? [a, b, d, c] : [a, b, c, d]];
@@ -240,7 +247,8 @@ class Table {
     const tied = (shape) => isTie(shape) ? { ...shape, rooms: shape.rooms.map(swap) } : shape;
     const key = NAMED[ref.section], next = this.put(ref, "name", name).mapRows((row) => row[key] === old.name ? { ...row, [key]: name } : row, key ? ["people"] : []);
     if (ref.section === "storeys") {
-      return next.mapRows((row) => Object.assign({ ...row }, ...["storey", "lower", "upper", "like"].filter((key) => row[key] === old.name).map((key) => ({ [key]: name }))));
+      const renamed = (row, keys) => Object.assign({ ...row }, ...keys.filter((key) => row[key] === old.name).map((key) => ({ [key]: name })));
+      return next.mapRows((row) => renamed(row, ["storey", "lower", "upper", "like"])).mapRows((row) => stated({ ...row, storeys: row.storeys.map(swap), operation: row.operation && renamed(row.operation, ["discharge", "start"]) }), ["lifts"]);
     }
     if (ref.section !== "rooms") return next;
     return next.mapRows((row) => row.storey !== old.storey ? row : Object.assign({ ...row }, ...["segment", "polygon"].filter((key) => isTie(row[key])).map((key) => ({ [key]: tied(row[key]) }))), ["doors", "exits", "areas"]);
@@ -265,6 +273,10 @@ class Table {
       changes.shafts = next.rows("shafts").map((one) => ({ ...one, lower: one.lower === row.name ? all[at + 1] : one.lower, upper: one.upper === row.name ? all[at - 1] : one.upper }))
         .filter((one) => one.lower && one.upper && all.indexOf(one.lower) < all.indexOf(one.upper));
     }
+    if (next.content.lifts) {
+      const left = ({ discharge, start, ...own }) => stated({ ...own, discharge: discharge === row.name ? undefined : discharge, start: start === row.name ? undefined : start });
+      changes.lifts = next.rows("lifts").map((one) => stated({ ...one, storeys: one.storeys.filter((name) => name !== row.name), operation: one.operation && left(one.operation) })).filter(({ storeys }) => storeys.length > 1);
+    }
     return next.with(changes);
   }
 
@@ -287,7 +299,7 @@ class Table {
     return upper > 0 ? mm(all[upper] - all[upper - 1]) : USUAL_HEIGHT;
   }
 
-  // Storeys like one, above the topmost one; shafts and stairs that lead to this one go on.
+  // Storeys like one, above the topmost one; shafts, stairs and lifts that lead to this one go on.
   copyUp(name, count) {
     const top = this.storeys.at(-1), from = (top.z ?? 0) + this.heightOf(top.name), height = this.heightOf(name), copies = [];
     let next = this;
@@ -295,7 +307,7 @@ class Table {
       copies.push(next.unique("storeys", name === "ground" ? `storey ${this.storeys.length + k}` : name));
       next = next.addStorey({ name: copies[k], z: mm(from + k * height), like: name });
     }
-    next = next.mapRows((row) => row.upper === top.name ? { ...row, upper: copies.at(-1) } : row, ["shafts"]);
+    next = next.mapRows((row) => row.upper === top.name ? { ...row, upper: copies.at(-1) } : row, ["shafts"]).mapRows((row) => row.storeys.includes(top.name) ? { ...row, storeys: [...row.storeys, ...copies] } : row, ["lifts"]);
     for (const row of this.rows("stairs").filter(({ upper }) => upper === top.name)) {
       [top.name, ...copies].slice(0, -1).forEach((lower, k) => { next = next.add("stairs", { ...row, name: next.unique("stairs", row.name), lower, upper: copies[k] }); });
     }
@@ -315,6 +327,20 @@ class Table {
     for (const face of faces) for (const wall of walls) if (!taken.has(wall) && isBeside(wall, face)) faces.push(wall) && taken.add(wall);
     const next = this.moveCorners(name, new Set(faces.flat().map(keyOf)), by);
     return next.mapRows((row) => row.storey !== name ? row : moved(row, (corner) => plus(corner, by), (number) => faces.some((face) => isBeside(ringsOf(row)[number], face))), ON_WALLS);
+  }
+
+  // A corner or a side of a lift is moved, and its doors so that they stay on its outline.
+  moveCar(ref, ends, by) {
+    const row = this.row(ref), keys = new Set(ends.map(keyOf)), move = (corner) => plus(corner, by), { door, ...car } = row;
+    const next = { ...row, ...moved(car, (corner) => keys.has(keyOf(corner)) ? move(corner) : corner) }, rings = ringsOf({ ...next, door: null });
+    const placed = (line) => rings.some((ring) => line.every((end) => isOn(end, ring))) ? line : onWall(middle(line), rings.flatMap(sidesOf2), length(minus(...line))) ?? line;
+    return this.set(ref, { ...next, door: mapRings(door, (line) => placed(ends.length > 1 && isBeside(line, ends) ? line.map(move) : line)) });
+  }
+
+  // The door of a lift with one, at another place of its outline.
+  moveDoor(ref, by) {
+    const [line] = doorsOf(this.row(ref)), ends = onWall(plus(middle(line), by), this.outlines(ref).flatMap(sidesOf2), length(minus(...line)));
+    return ends ? this.put(ref, "door", ends) : this;
   }
 
   moveRow(ref, by) {

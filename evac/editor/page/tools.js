@@ -1,8 +1,10 @@
 // What the pointer and the keyboard do in plan: select, move, and draw with one tool after the other.
 
-const WIDTHS = { door: 0.9, exit: 1.2, wall: 0.1 };  // Of what is drawn [m].
+const WIDTHS = { door: 0.9, exit: 1.2, wall: 0.1, lift: 1 };  // Of what is drawn [m].
 const STAIR = { width: 1.2, gap: 0.1 };  // Of a flight, and between the two of a U-shaped stair [m].
 const STEP = { rise: 0.17, going: 0.28 };  // Of stairs [m].
+const GROUND = 0.2;  // Of a car for each person it holds [m²].
+const BEFORE = 0.7;  // Floor begins at most so far from the door of a lift [m].
 const DRAGGED = 4;  // [pixels]
 const TOOLS = {
   select: { key: "v", points: 0, hint: "Click to select, drag walls, corners and what is selected; drag the ground to move the view" },
@@ -11,6 +13,7 @@ const TOOLS = {
   door: { key: "d", points: 1, section: "doors", hint: "Click on a wall between two rooms, or drag along it" },
   exit: { key: "e", points: 1, section: "exits", hint: "Click on an outer wall, or drag along it" },
   stair: { key: "s", points: 2, section: "shafts", hint: "Click on the middle of the lowest step, then on where it leads; it turns where a straight one does not fit" },
+  lift: { key: "u", points: Infinity, section: "lifts", hint: "Drag a rectangle for its car, beside the floor or on it; it stops on this storey and all above. Its door can be dragged to another side" },
   flight: { key: "l", points: 4, section: "flights", hint: "For other stairs: click on both ends of the lower edge of a flight, then of the upper one; heights are those of what they join" },
   landing: { key: "g", points: Infinity, section: "landings", hint: "Drag a rectangle, or click corner after corner; its height is that of the flight that ends there" },
   area: { key: "a", points: Infinity, section: "areas", hint: "Drag a rectangle, or click corner after corner; people start in areas" },
@@ -18,7 +21,7 @@ const TOOLS = {
   measure: { key: "m", points: 2, hint: "Click on both ends" },
   picture: { key: "p", points: 2, hint: "Drag the picture where it belongs; click on two points of it, then type the length between them" },
 };
-const singular = (section) => ({ rooms: "room", storeys: "ground", shafts: "stair", stairs: "stair", flights: "flight", landings: "landing", areas: "area", obstacles: "obstacle", doors: "door", exits: "exit", openings: "opening", people: "group", event: "event", phase: "phase", compartment: "compartment", behaviours: "behaviour", case: "table" })[section];
+const singular = (section) => ({ rooms: "room", storeys: "ground", shafts: "stair", stairs: "stair", lifts: "lift", flights: "flight", landings: "landing", areas: "area", obstacles: "obstacle", doors: "door", exits: "exit", openings: "opening", people: "group", event: "event", phase: "phase", compartment: "compartment", behaviours: "behaviour", case: "table" })[section];
 // A name that begins with the kind says the kind already: "Door 2", not "Door door 2".
 const heading = (what, name) => `${name} `.startsWith(`${what} `) ? capital(name) : `${capital(what)} ${name}`;
 const rectangle = ([x1, y1], [x2, y2]) => [[Math.min(x1, x2), Math.min(y1, y2)], [Math.max(x1, x2), Math.min(y1, y2)], [Math.max(x1, x2), Math.max(y1, y2)], [Math.min(x1, x2), Math.max(y1, y2)]];
@@ -50,7 +53,7 @@ class Tools {
   get isBox() { return this.drag?.kind === "draw" && this.points.length === 1 && TOOLS[this.tool].points === Infinity; }
 
   // Why nothing can be drawn with the tool now; empty if it can.
-  fault() { return this.tool === "stair" && !this.table.above(this.storey) ? "A stair leads to the storey above, and there is none." : ""; }
+  fault() { return ["stair", "lift"].includes(this.tool) && !this.table.above(this.storey) ? `A ${this.tool} leads to the storey above, and there is none.` : ""; }
 
   choose(tool) {
     this.cancel();
@@ -120,11 +123,11 @@ class Tools {
   dragged(point, isFree) {
     const { base, hit: { ref, side }, start } = this.drag, row = base.row(ref);
     if (ON_WALLS.includes(ref.section)) return this.lineAt(base, ref, row, point, start);
-    const anchor = side?.corner ?? side?.side[0] ?? (row.foot || base.rings(ref)[0]?.[0]) ?? start;
+    const anchor = side?.corner ?? side?.side?.[0] ?? (row.foot || base.rings(ref)[0]?.[0]) ?? start;
     const by = minus(this.snap(plus(anchor, minus(point, start)), isFree), anchor);
     if (!side) return base.moveRow(ref, by);
     this.act.select({ ...ref, ...sideMoved(side, by) });
-    return moveSide(base, this.storey, side, by);
+    return moveSide(base, this.storey, { ...ref, ...side }, side.door ? minus(point, start) : by);
   }
 
   // A door or an exit goes along its wall, or to another one; a tied one is tied to that.
@@ -200,6 +203,7 @@ class Tools {
       const { row, kind, isFit } = this.stairOf(points);
       [rows, told] = [[row], `: ${kind}${isFit ? "" : ", which does not fit here"}`];
     }
+    else if (tool === "lift") rows = [this.liftOf(points)];
     else if (PIECES.includes(section)) rows = [this.pieceOf(points)];
     if (rows[0]?.polygon && Math.abs(areaOf(rows[0].polygon)) < 0.01) return this.act.say("This is too small");
     if (!rows.length) return this.act.say("No wall is here");
@@ -222,6 +226,20 @@ class Tools {
     return { stair, lower_edge: lines[0], lower_z: lower?.z ?? z, upper_edge: lines[1], upper_z: upper?.z ?? mm(z + height) };
   }
 
+  // A lift from this storey to the highest one, with its door on the side before which most of the floor is.
+  liftOf(polygon) {
+    const { table, storey } = this, floors = this.view.groundHere();
+    const ahead = ([a, b]) => {
+      const { step: [x, y], whole } = nearest(a, [a, b]), way = isInside(plus(middle([a, b]), [0.01 * y, -0.01 * x]), polygon) ? -1 : 1, at = (far) => plus(middle([a, b]), [way * far * y, -way * far * x]);
+      const floor = floors.find((ring) => isInside(at(BEFORE), ring));
+      let far = 0;
+      while (floor && isInside(at(BEFORE + far), floor)) far += 0.5;
+      return whole > SHORTEST ? far : -1;
+    };
+    const [side] = sidesOf2(polygon).sort((a, b) => ahead(b) - ahead(a)), all = table.storeys.map(({ name }) => name), capacity = Math.max(1, Math.floor(Math.abs(areaOf(polygon)) / GROUND));
+    return { storeys: all.slice(all.indexOf(storey)), polygon, door: onWall(middle(side), [side], WIDTHS.lift), operation: { capacity } };
+  }
+
   // The lines of doors or exits at a point of a wall, or along it from one point to another.
   linesAt(from, to = from) {
     const walls = this.view.wallsHere(), along = length(minus(to, from)) * this.view.zoom > DRAGGED ? spanned(from, to, walls) : [];
@@ -234,7 +252,7 @@ class Tools {
     const { table, storey } = this, way = minus(to, foot), far = length(way), [dx, dy] = far > 1e-6 ? way.map((value) => value / far) : [1, 0], { width } = STAIR;
     const upper = table.above(storey), rise = (upper.z ?? 0) - (table.storey(storey).z ?? 0), run = rise * STEP.going / STEP.rise, wall = (table.storey(storey).wall ?? 0) / 2;
     const at = (along, aside) => [foot[0] + along * dx - aside * dy, foot[1] + along * dy + aside * dx], box = (far, left, right) => [at(0, left), at(far, left), at(far, right), at(0, right)];
-    const room = ["rooms", "storeys"].flatMap((section) => table.on(storey).filter((ref) => ref.section === section).flatMap((ref) => table.rings(ref))).find((ring) => isInside(foot, ring));
+    const room = this.view.groundHere().find((ring) => isInside(foot, ring));
     const own = { lower: storey, upper: upper.name, width, direction: [mm(dx), mm(dy)], ...STEP }, both = 2 * width + STAIR.gap, half = width / 2, bent = run / 2 + width;
     const sides = room ? range(room, ([x, y]) => (y - foot[1]) * dx - (x - foot[0]) * dy) : [-Infinity, Infinity];
     const found = [["straight", {}, -half, width, run, width], ["U-shaped, turning left", { turn: "left" }, -half, both, bent, 0], ["U-shaped, turning right", { turn: "right" }, half - both, both, bent, 0]].map(([kind, turn, low, size, far, beyond]) => {
@@ -267,10 +285,10 @@ class Tools {
 
   nudge(selected, by) {
     if ([...CASE, "case"].includes(selected.section)) return;
-    const { corner, side, ...ref } = selected, name = `move ${JSON.stringify(ref)}`, row = this.table.row(ref);
-    if (corner || side) {
-      this.store.commit(moveSide(this.table, this.storey, { corner, side }, by), name);
-      return this.act.select({ ...ref, ...sideMoved({ corner, side }, by) });
+    const { corner, side, door, ...ref } = selected, name = `move ${JSON.stringify(ref)}`, row = this.table.row(ref);
+    if (corner || side || door) {
+      this.store.commit(moveSide(this.table, this.storey, selected, by), name);
+      return this.act.select({ ...ref, ...sideMoved({ corner, side, door }, by) });
     }
     const [start] = this.view.lineOf(ref, row) ?? [];
     this.store.commit(isTie(row.segment) ? this.lineAt(this.table, ref, row, plus(start, by), start) : this.table.moveRow(ref, by), name);
@@ -283,9 +301,9 @@ function across([a, b], by) {
   return [-y * off, x * off];
 }
 
-const moveSide = (table, storey, { corner, side }, by) => corner ? table.moveCorners(storey, new Set([keyOf(corner)]), by) : table.moveWall(storey, side, across(side, by));
+const moveSide = (table, storey, { corner, side, door, ...ref }, by) => door ? table.moveDoor(ref, by) : ref.section === "lifts" ? table.moveCar(ref, side ?? [corner], side ? across(side, by) : by) : corner ? table.moveCorners(storey, new Set([keyOf(corner)]), by) : table.moveWall(storey, side, across(side, by));
 
-const sideMoved = ({ corner, side }, by) => corner ? { corner: plus(corner, by) } : { side: side.map((end) => plus(end, across(side, by))) };
+const sideMoved = ({ corner, side, door }, by) => door ? { door } : corner ? { corner: plus(corner, by) } : { side: side.map((end) => plus(end, across(side, by))) };
 
 // The outline of a line with a thickness.
 function stripOf([a, b], thick) {

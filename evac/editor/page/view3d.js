@@ -34,10 +34,21 @@ class View3D {
     this.layout = new Layout(building, 0.01, storeys);
     this.layout.arrange("3d", -1, this.layout.spreadFor({ tilt: 0.7, azimuth: 0.35 }, 0.5), this.camera.aspect);
     this.stage.build(this.layout, new Density(building, bits, 4), { shut: [], entrances: [], marks: [] }, { exit: unit(style.exit), closed: unit(style.error), places: {} });
+    this.stage.mesh("cars", this.shafts(unit(coloursOf("soft").soft)), [3, 4]);
     for (const name of ["paths", "track", "measured"]) this.stage.mesh(name, [], [3, 4]);
     this.stage.setScale(new Uint32Array(256));
     this.isBuilt = true;
     if (isFirst) this.fit();
+  }
+
+  // Each lift from its lowest to its highest stop, whose rooms are above each other.
+  shafts(colour) {
+    const { layout, building: { levels } } = this, lifts = new Map();
+    levels.forEach(({ kind, z }, level) => {
+      const key = layout.boxes[level].join(), lift = lifts.get(key) ?? { level, z: z[0], top: z[0], isOpen: true };
+      if (kind === "car") lifts.set(key, { ...lift, z: Math.min(lift.z, z[0]), top: Math.max(lift.top, z[0]) });
+    });
+    return carsMesh(layout, [...lifts.values()].map((lift) => ({ ...lift, tall: layout.height(lift.top) - layout.height(lift.z) + TALLEST })), colour);
   }
 
   // People of a run as the stage draws them: storey by storey, as the levels are.
