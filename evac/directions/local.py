@@ -10,7 +10,6 @@ the next portal or exit of the empty building, so that people neither choose oth
 Travel times stay those of the empty building.
 """
 
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -119,7 +118,8 @@ class LocalWays(Saved):
         }
         moved = self._count_firm(number, beside)
         if beside is not None:
-            density = beside + np.where(self._on_floors, density, 0.0)
+            of_floors = [np.full(grid.sheet.size, grid.level in self._floors) for grid in self._grids.levels]
+            density = beside + np.where(np.concatenate(of_floors), density, 0.0)
             crowded |= self._levels_with(beside > 0.0)
         if not crowded | solved | moved:
             return
@@ -139,10 +139,6 @@ class LocalWays(Saved):
             return set()
         nobody = np.zeros(1)
         return self._levels_with((nobody if before is None else before) != (nobody if beside is None else beside))
-
-    @cached_property
-    def _on_floors(self) -> BoolArray:
-        return np.concatenate([np.full(grid.sheet.size, grid.level in self._floors) for grid in self._grids.levels])
 
     def _levels_with(self, marked: BoolArray) -> set[int]:
         """Return the levels with a node that is marked, of all nodes (nodes,)."""
