@@ -1,6 +1,8 @@
 """Lifts on the page: one object over storeys, drawn, changed, judged and saved."""
 
+import shutil
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -192,3 +194,18 @@ def test_a_lift_is_one_shaft_in_3d(page):
     page.judged()
     page.browser.wait("editor.view3d.stage.meshes.cars.count === 0")
     assert (np.abs(with_lift - page.picture()).sum(axis=2) > 30).mean() > 0.002
+
+
+def test_the_view_opens_with_all_lifts_and_stairs_in_it(browser, serve, tmp_path):
+    shutil.copytree(Path(__file__).parents[2] / "buildings/tower", tmp_path / "tower")
+    page = Page(browser, serve(tmp_path / "tower"))
+    page.judged()
+    left, top, right, bottom = page.run(
+        """(() => { const { view } = editor, corners = view.levels().flatMap(({ polygons }) => polygons.flat(2));
+            const spots = corners.map((corner) => view.spot(corner));
+            const of = (i, most) => Math[most](...spots.map((spot) => spot[i]));
+            return [of(0, "min"), of(1, "min"), view.size[0] - of(0, "max"), view.size[1] - of(1, "max")]; })()"""
+    )
+    page.close()
+    assert left > 130  # the tools are at the left
+    assert min(top, right, bottom) > 0
