@@ -84,12 +84,16 @@ class _Drawn:
 
     def _with_remedies(self, findings: Sequence[Finding], doors: list[Item]) -> list[Finding]:
         """Return findings with remedies of the errors and warnings among them; `doors`: those that are right."""
-        doors = list(doors)
-        return [
-            found
-            for one in findings
-            for found in (self._mended(one, doors) if one.kind in ("error", "warning") else [one])
-        ]
+        doors, mended, known = list(doors), list[Finding](), dict[tuple[str | None, str], str]()
+        for one in findings:
+            same = one.item, _kind_of(one)  # as on every storey of a shaft
+            if one.kind not in ("error", "warning") or (same in known and not one.remedy):
+                mended.append(replace(one, remedy=one.remedy or known.get(same, "")))
+                continue
+            found = self._mended(one, doors)
+            known[same] = found[0].remedy
+            mended += found
+        return mended
 
     def _mended(self, error: Finding, doors: list[Item]) -> list[Finding]:
         """Return an error or a warning with its remedy, and those of its item that are found once it is mended."""
@@ -112,7 +116,7 @@ class _Drawn:
             again = self._tried(section, {**row, **change}, doors)
             if again is None:
                 return [replace(error, remedy="\n".join(toml_lines(change)))]
-            if again.kind == "error" and again.item == error.item and _kind_of(again) not in known:
+            if again.kind == error.kind == "error" and again.item == error.item and _kind_of(again) not in known:
                 later.append((change, again))
         found: list[Finding] = []
         for change, again in later:
