@@ -333,7 +333,8 @@ class GroupSettings(PeopleSettings):
 
     def _check_positions(self, count: int) -> None:
         if self.number not in (None, count):
-            raise wrong("number", f"{self.number} people but {count} positions; remove number or correct it")
+            remedy = "remove number, or give an area or a level instead of positions"
+            raise wrong("number", f"{self.number} people but {count} positions; {remedy}")
         check_level("the level of the positions", self.level, self.z)
         if self.velocity is not None and len(self.velocity) != count:
             raise wrong("velocity", f"{len(self.velocity)} velocities for {count} positions; give one per position")

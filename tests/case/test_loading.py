@@ -100,7 +100,7 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
             "people.pupils.speed_up={factor={list=[1, 1, 1, 1, 1, 1]}}",
             "people.pupils.speed_up: 6 values for 5 people; give one for each person",
         ),
-        ("people.teacher.number=2", "people.teacher.number: 2 people but 1 positions; remove number or correct it"),
+        ("people.teacher.number=2", "people.teacher.number: 2 people but 1 positions; remove number, or give an area"),
         ("people.teacher.velocity=[[1,0],[0,1]]",
          "people.teacher.velocity: 2 velocities for 1 positions; give one per position"),
         ("people.pupils.level=ground",

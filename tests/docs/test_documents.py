@@ -45,6 +45,12 @@ def test_named_files_exist(document, root, text):
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
+def test_tables_are_whole(document, text):
+    """A table that begins without a line below its head is the rest of one that an empty line cuts."""
+    assert not re.findall(r"^\n(\|.*)\n(?!\|[-:| ]+\|$)", text(document), re.MULTILINE)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
 def test_named_modules_exist(document, text):
     """``evac.a.b.c`` is a module, or a name in one."""
     import importlib
