@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from evac import Simulation, load
+from evac.evidence.scaling import commands
 from evac.evidence.scaling.halls import DENSITY, DOOR, RADIUS, doors_along, hall_case, make_hall, nearest_door
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
 from evac.evidence.scaling.page import STEP
@@ -154,3 +156,21 @@ def test_a_case_of_a_hall_has_the_doors_and_the_density_of_a_hall():
     assert len(doors) == round(side / 10.0) == 3
     assert {one[0] for door in doors for one in door} == {side}
     assert [math.dist(*door) for door in doors] == pytest.approx([DOOR] * 3)
+
+
+def test_towers_of_whole_commands_are_without_findings_and_everybody_gets_out():
+    simulation = Simulation(load(commands.tower_case(3, 30, {"walking": {}})))
+    building = simulation.building
+    assert building.findings == ()
+    assert {"west", "east"} <= set(building.shafts)
+    assert len(building.doors) == 2 * 12
+    assert simulation.run().ended == "everybody out"
+
+
+@pytest.mark.slow
+def test_whole_commands_of_each_kind_are_timed_with_their_growth():
+    rows = list(commands.command_rows((2, 3), (8, 16), (2, 3), (4, 8)))
+    assert {row["command"].split()[1] for row in rows} == {"check", "run", "report", "repeat", "import"}
+    assert all(row["CPU [s]"] > 0.1 and row["peak memory [MB]"] > 50.0 for row in rows)
+    grown = [row for row in rows if row["growth"] is not None]
+    assert [row["size"] for row in grown] == ["3 storeys", "3 storeys", "16 people", "16 people", "3 runs", "8 rooms"]

@@ -14,7 +14,7 @@ import numpy as np
 from evac.base.errors import SimulationError
 from evac.case.loading import load_case
 from evac.evidence.evidence import MODEL_COLOURS, Evidence, Row, new_figure, timed
-from evac.evidence.scaling import headway, large, laws, phases
+from evac.evidence.scaling import commands, headway, large, laws, phases
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.minimal import make_minimal
 from evac.evidence.scaling.peers import comparison
@@ -68,6 +68,7 @@ def run(evidence: Evidence) -> None:
     headway.run(evidence, MODELS, STEP)
     laws.run(evidence, STEP)
     comparison.run(evidence, STEP)
+    commands.run(evidence)
     evidence.show("claims", __name__, claims=claims)
     evidence.write_page(__name__)
 
