@@ -12,6 +12,7 @@ from pydantic import (
     ValidationError,
     ValidatorFunctionWrapHandler,
     WrapValidator,
+    field_validator,
     model_validator,
 )
 
@@ -67,6 +68,13 @@ class BuildingSource(Table):
 
     mesh: str | None = key("file of the building, relative to case.toml; this or `plan`", "", None, min_length=1)
     plan: dict[str, Any] | None = key("the building as a plan, with the keys of a plan file", "", None)
+
+    @field_validator("plan", mode="before")
+    @classmethod
+    def _names_no_file(cls, plan: Any) -> Any:
+        if isinstance(plan, str):
+            raise ValueError(f"must be a table; a file is named by mesh = {plan!r}")
+        return plan
 
     @model_validator(mode="after")
     def _given_one_way(self) -> Self:

@@ -108,6 +108,7 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
         ("people.teacher.name=pupils", "people.1.name: 'pupils' names two groups; rename one"),
         ("people=[]", "people: must have at least 1 item, not 0, got []"),
         ("simulation=3", "simulation: must be a table, got 3"),
+        ("building.plan='a.plan.toml'", "building.plan: must be a table; a file is named by mesh = 'a.plan.toml'"),
         ("building.flat_angle=60", "building.flat_angle: must be less than walkable_angle 50, got 60"),
         ("directions.clearance=-1", "directions.clearance: must be greater than or equal to 0, got -1"),
         ("directions.order=3", "directions.order: must be 1 or 2, got 3"),
