@@ -157,7 +157,7 @@ def add_densities(
 
 
 @inner
-def add_time(dense, k, cell):  # type: ignore[no-untyped-def]
+def add_time(dense, k, cell):
     """Add the k-th recorded time, at which the threshold was exceeded in a cell."""
     span = dense.end[k] - dense.time[k]
     dense.total[cell] += span
@@ -182,7 +182,7 @@ class Covered(Struct):
 
 
 @inner
-def cover(covered, x, y, radius, person, time, pressure):  # type: ignore[no-untyped-def]
+def cover(covered, x, y, radius, person, time, pressure):
     """Mark the cells whose centres are within the radius of a body, and the cell that contains its centre."""
     spacing, nx = covered.spacing, covered.cells
     ny = len(covered.last) // nx
