@@ -10,11 +10,15 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.base.arrays import FloatArray
+from evac.base.arrays import FloatArray, IndexArray
 from evac.base.parameters import Parameter
-from evac.building.geometry import flat_parts, place_of
+from evac.building.geometry import common, connected_components, cut, flat_parts, place_of, united
 from evac.building.importer import Importer
+from evac.building.model.findings import Finding
 from evac.building.plan.plan import Plan
+from evac.building.recover.bodies import Body
+from evac.building.recover.bodies.flights import FoundStair, meeting, stairs_of
+from evac.building.recover.bodies.floors import Floor
 
 #: Heights above the floor at which an obstruction is in the way [m], and the clear height that a storey needs [m].
 SECTIONS, CLEAR = (0.3, 1.0, 1.7), 1.8
@@ -25,6 +29,9 @@ Z_OFFSET, REACH = 1.0, 2.5
 THICKEST_SLAB, LEAST_FLOOR, SAME = 0.6, 4.0, 0.3
 #: Least thickness of an obstruction [m]: those without a thickness are walls too.
 THINNEST = 0.05
+#: Least depth of a step [m], greatest area of a step or landing [m2], rise from one to the next [m] and gap between
+#: them [m], and least number of steps of a stair.
+STEP, LANDING, RISER, GAP, STEPS = 0.15, 10.0, (0.08, 0.26), 0.05, 3
 #: Groups of FDS+Evac and of complex geometry that are not read.
 LEFT_OUT = {
     "CORR": "write the stair or passage between its doors and entrances as [[stairs]] or [[rooms]]",
@@ -42,15 +49,17 @@ class FdsImporter(Importer):
     """FDS input files (.fds): storeys at the bottom of the meshes and at the top of each slab, exits and start areas.
 
     Evacuation meshes of FDS+Evac state floors, EVAC_Z_OFFSET below their middle; other meshes then state none. The
-    floor area is what no obstruction occupies between 0.3 and 1.7 m above the floor, except where holes are cut out of
-    them. Lines with EVACUATION=.FALSE. are not met. `&EXIT` lines of FDS+Evac are exits, or lines if they only count,
-    `&EVAC` lines start areas with their numbers of people, and open vents openings.
+    floor area is what no obstruction occupies between 0.3 and 1.7 m above the floor, except where holes are cut out
+    of them. Obstructions that rise by steps beside each other from one storey to another are a stair. Lines with
+    EVACUATION=.FALSE. are not met. `&EXIT` lines of FDS+Evac are exits, or lines if they only count, `&EVAC` lines
+    start areas with their numbers of people, and open vents openings.
     """
 
     name = "fds"
     suffixes = (".fds",)
 
     least = Parameter(LEAST_FLOOR, "smallest area of a storey", unit="m2", above=0.0)
+    cut_slabs = Parameter(False, "cut slabs that block a stair; if false, the stair is left out")
 
     def read(self, path: Path) -> Plan:
         """Read the deck; raise ValueError if it has no mesh."""
@@ -83,11 +92,14 @@ class FdsImporter(Importer):
             ):
                 side = "the ground up to there is read, although it may be outside of the building"
                 plan.note("warning", f"the meshes are open at a side (&VENT, line {one.number}): {side}")
-        floors = _floors(of["MESH"], of["OBST"], of["HOLE"])
-        storeys = [(z, floor) for z, floor in floors if floor.area >= self.least]
-        if not storeys:
+        steps = _steps(of["OBST"])
+        of["OBST"] = [one for one in of["OBST"] if not any(one in own for own in steps)]
+        ground = [one for one in _floors(of["MESH"], of["OBST"], of["HOLE"]) if one[1].area >= self.least]
+        if not ground:
             raise ValueError(f"nowhere in the meshes are there {self.least:g} m2 of floor with {CLEAR:g} m above it")
-        heights = np.array([z for z, _ in storeys])
+        floors = [Floor(f"floor {number}", z, floor, floor) for number, (z, floor) in enumerate(ground, start=1)]
+        stairs = _stairs(steps, floors, self.cut_slabs, plan.findings)
+        heights = np.array([floor.z for floor in floors])
         for one in [one for one in of["EXIT"] if one.says("COUNT_ONLY", "T")]:
             of["EXIT"].remove(one)
             storey = one.storey_of(heights)
@@ -97,9 +109,11 @@ class FdsImporter(Importer):
             if one.storey_of(heights) is None:
                 text = f"&{one.group} {one.name} (line {one.number}) at z = {one.middle:.2f} m is on no storey"
                 plan.note("missing", text, element=f"&{one.group}")
-        for number, (z, floor) in enumerate(storeys, start=1):
-            own = {group: [one for one in found if one.storey_of(heights) == number - 1] for group, found in of.items()}
-            self._add_storey(plan, f"floor {number}", z, floor, own)
+        for row, floor in enumerate(floors):
+            own = {group: [one for one in found if one.storey_of(heights) == row] for group, found in of.items()}
+            self._add_storey(plan, floor.name, floor.z, meeting(floor, stairs), own)
+        for stair in stairs:
+            stair.add_to(plan)
         return plan
 
     def _add_storey(self, plan: Plan, storey: str, z: float, floor: BaseGeometry, own: "dict[str, list[Line]]") -> None:
@@ -109,13 +123,20 @@ class FdsImporter(Importer):
         floor = floor.difference(shapely.union_all([ground for _, ground in outer]))
         parts = [part for part in shapely.get_parts(flat_parts(floor)) if part.area > LEAST_PART]
         inside = [part for part in parts if part.intersects(starts)] or parts
-        plan.storey(storey, inside, z)
+        ground = shapely.union_all(inside)
+        numbers = {one: _numbers(one.text, "NUMBER_INITIAL_PERSONS") for one in own["EVAC"]}
+        rooms = dict[Line, BaseGeometry]()
+        for one in own["EVAC"]:
+            part = flat_parts(one.plan & ground)
+            others = shapely.union_all([other.plan for other in own["EVAC"] if other is not one])
+            if numbers[one] and part.geom_type == "Polygon" and not (part.interiors or (others & part).area):
+                rooms[one] = part
+        plan.storey(storey, flat_parts(ground.difference(shapely.union_all([*rooms.values()]))), z)
         plan.note("found", f"{len(inside)} parts of ground at z = {z:g} m", storey)
         for part in parts:
             if part not in inside:
                 text = f"{part.area:.2f} m2 of ground in which no &EVAC line starts"
                 plan.note("left out", text, storey, place_of(part))
-        ground = shapely.union_all(inside)
         for one, outside in outer:
             if not ground.dwithin(outside, OUTSIDE):
                 text = f"&EXIT {one.name} (line {one.number}) is not at the ground"
@@ -131,20 +152,17 @@ class FdsImporter(Importer):
                 text = f"&EVAC {one.name} (line {one.number}) is not on the ground"
                 plan.note("missing", text, storey, element="&EVAC")
                 continue
-            name, part = f"{one.name} (line {one.number})", flat_parts(one.plan & ground)
-            number = _numbers(one.text, "NUMBER_INITIAL_PERSONS")
-            others = [other.plan for other in own["EVAC"] if other is not one]
-            is_room = part.geom_type == "Polygon" and not part.interiors and not (shapely.union_all(others) & part).area
-            if number and is_room:
-                plan.room(name, storey, part, people=int(number[0]))
-            else:
-                plan.area(name, storey, one.plan)
-            if number and not is_room:
-                text = f"&EVAC {name} starts {number[0]:g} people; write the number into case.toml"
+            name = f"{one.name} (line {one.number})"
+            if one in rooms:
+                plan.room(name, storey, rooms[one], people=int(numbers[one][0]))
+                continue
+            plan.area(name, storey, one.plan)
+            if numbers[one]:
+                text = f"&EVAC {name} starts {numbers[one][0]:g} people; write the number into case.toml"
                 plan.note("left out", text, storey, place_of(one.plan))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Line:
     """A namelist of the deck: its group, text, number of line, name, and box (6,) [m], empty if it has none."""
 
@@ -304,6 +322,44 @@ def _floors(meshes: list[Line], obstructions: list[Line], holes: list[Line]) -> 
         is_given = any(abs(low - z) <= SAME for low in given)
         if is_given or (z + CLEAR <= top and any(wall.intersects(floor) for wall in walls[1 : len(SECTIONS)])):
             yield z, floor.difference(shapely.union_all(walls))
+
+
+def _steps(obstructions: list[Line]) -> list[list[Line]]:
+    """Return the obstructions of each stair: steps and landings beside each other, which rise from one to the next."""
+    sides = np.array([np.diff(one.box)[[0, 2]] for one in obstructions]).reshape(-1, 2)
+    found = [obstructions[row] for row in np.flatnonzero((sides.min(axis=1) >= STEP) & (sides.prod(axis=1) <= LANDING))]
+    plans, tops = np.array([one.plan for one in found], dtype=object), np.array([one.box[5] for one in found])
+    low, up = shapely.STRtree(plans).query(plans, "dwithin", GAP)
+    rise = tops[up] - tops[low]
+    pairs = np.column_stack([low, up])[(rise >= RISER[0]) & (rise <= RISER[1])]
+    group = connected_components(len(found), pairs)
+    stairs = [np.flatnonzero(group == label) for label in np.unique(group[pairs])]
+    return [[found[row] for row in rows] for rows in stairs if len(np.unique(tops[rows])) >= STEPS]
+
+
+def _stairs(steps: list[list[Line]], floors: list[Floor], cut_slabs: bool, findings: list[Finding]) -> list[FoundStair]:
+    """Return the stairs between the floors; steps that are none are left out of the floors, as obstructions are."""
+    bodies = [Body("stair", f"&OBST of line {own[0].number}", *_faces([one.box for one in own])) for own in steps]
+    hulls = {floor.name: shapely.convex_hull(floor.ground) for floor in floors}
+    lead = [one for one in bodies if any(-SAME < floor.z - one.z_max < SAME for floor in floors)]  # others are tribunes
+    stairs = stairs_of(lead, floors, hulls, cut_slabs, findings)
+    made = united([stair.plan for stair in stairs])
+    for body in bodies:
+        plan = body.shadow()
+        if common(plan, made).area < 0.5 * plan.area:
+            for floor in floors:
+                if body.z_min < floor.z + SECTIONS[-1] and body.z_max > floor.z + SECTIONS[0]:
+                    floor.ground = cut(floor.ground, plan)
+    return stairs
+
+
+def _faces(boxes: list[FloatArray]) -> tuple[FloatArray, IndexArray]:
+    """Return the points (8 n, 3) and triangles (4 n, 3) of the tops and bottoms of n boxes."""
+    points = np.array(
+        [[(box[i], box[2 + j], box[4 + k]) for k in (0, 1) for j in (0, 1) for i in (0, 1)] for box in boxes]
+    )
+    faces = np.array([(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6)])
+    return points.reshape(-1, 3), (faces + 8 * np.arange(len(boxes))[:, None, None]).reshape(-1, 3)
 
 
 def _solid(boxes: FloatArray, holes: list[Line], z: float) -> BaseGeometry:

@@ -20,6 +20,7 @@ from evac.base.errors import BuildingError
 from evac.base.parameters import Parameter, did_you_mean
 from evac.building.geometry import flat_parts, lines_of, place_of
 from evac.building.importer import Importer
+from evac.building.model.findings import numbered
 from evac.building.plan.outlines import distinct, geometries, with_walls
 from evac.building.plan.plan import Plan
 from evac.building.recover.drawings import add_fitting
@@ -247,15 +248,20 @@ class GeojsonImporter(Importer):
         names = list(dict.fromkeys(feature.storey or self.storey for feature in features))
         ground = {name: [one for one in features if (one.storey or self.storey) == name] for name in names}
         for index, name in enumerate(names):
-            polygons = [one.shape for one in ground[name] if one.kind == "storey"]
+            floors = [one for one in ground[name] if one.kind == "storey"]
+            labels = Counter(one.name for one in floors)
+            named = [one for one in floors if one.name and labels[one.name] == 1 < len(floors)]
+            rooms = [one for one in named if one.shape.geom_type == "Polygon"]
             given = sorted({one.z for one in ground[name] if one.z is not None})
-            if not polygons:
+            if not floors:
                 raise ValueError(f"storey {name!r} has no ground; add a polygon of the kind 'storey'")
             if len(given) > 1:
                 raise ValueError(f"storey {name!r} must have one height z, not {', '.join(f'{z:g}' for z in given)}")
             z = given[0] if given else self.z + index * self.height
-            plan.storey(name, polygons, z, wall=self.wall)
-            plan.note("found", f"{len(polygons)} polygons of ground", name)
+            plan.storey(name, [one.shape for one in floors if one not in rooms] or None, z, wall=self.wall)
+            for one in rooms:
+                plan.room(numbered(one.name, {room.name for room in plan.rooms}), name, one.shape)
+            plan.note("found", f"{len(floors)} polygons of ground", name)
             if not given and len(names) > 1:
                 plan.note("assumed", f"z = {z:g} m, since the storey has no z (z, height)", name)
             for number, one in enumerate((one for one in ground[name] if one.kind != "storey"), start=1):

@@ -155,13 +155,13 @@ def import_building(
         if lost:
             names = ", ".join(map(repr, lost))
             findings.append(Finding("warning", f"{names}: not among the exits in {keeper}, which is kept; add them"))
-        if people is None and density is None:
-            text = f"{DENSITY:g} people per square metre in rooms without a number or a known use (density, people)"
-            findings.append(Finding("assumed", text))
         if CASE in changed:
             findings.append(Finding("assumed", f"{CASE} has been changed since it was written, and is kept"))
         stated = building.people if density is None else {}
         rooms = fill(written, find_rooms(written), people, DENSITY if density is None else density, stated)
+        if people is None and density is None and any(room.number and room.name not in stated for room in rooms):
+            text = f"{DENSITY:g} people per square metre in rooms without a number or a known use (density, people)"
+            findings.append(Finding("assumed", text))
         findings = sorted(with_missing(written, findings), key=lambda one: KINDS.index(one.kind))
         written = replace(written, source=place / building.name)
         missing = tuple(str(finding) for finding in findings if finding.kind == "missing")

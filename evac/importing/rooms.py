@@ -130,7 +130,7 @@ def fill(
     """Return rooms with their numbers of people, 0 without a way to an exit or in stairwells.
 
     `people`: total number, divided among the rooms by area; `density` [1/m2]: used if `people` is not given, where the
-    plan does not state the number of an area, as in `stated`.
+    plan does not state the number of an area, as in `stated`; nobody starts on floors without areas if it states any.
     """
     open_levels = levels_reaching(building, building.exits) if building.exits else set(range(len(building.levels)))
     enclosures = {index: left_out(building, building.levels[index]).enclosures for index in open_levels}
@@ -143,6 +143,7 @@ def fill(
     closed = [replace(room, number=0) for room in rooms if room not in used]
     if people is None:
         held = {(room.key, room.name): max(density * room.ground, 1.0) for room in used}
+        held |= {("level", room.name): 0.0 for room in used if stated}
         held |= {("area", name): number for name, number in stated.items()}
         return [replace(room, number=int(held[room.key, room.name] + 0.5)) for room in used] + closed
     numbers = divided(people, [room.ground for room in used])

@@ -137,3 +137,52 @@ def test_the_people_of_evac_lines_start_and_a_corridor_between_storeys_is_named_
     assert [text for text in told if "&DOOR Down (line 9), to WAY, at [[0.2, 3.0], [0.2, 4.2]], z = 3.00 m" in text]
     assert [text for text in told if "&ENTR In (line 11), at [[0.2, 5.0], [0.2, 6.2]], z = 0.00 m" in text]
     assert 1.2 not in [round(one.width, 2) for one in made.openings]
+
+
+ROOMS = WALLS.replace("7.0 /", "6.4 /") + "&OBST XB=0.0,12.0,0.0,8.0,2.8,3.0 /\n&HOLE XB=3.0,{},1.0,3.6,2.7,3.1 /\n"
+UP = "&EVAC ID='up', NUMBER_INITIAL_PERSONS=5, XB=8.0,11.0,4.0,7.0,3.4,4.6 /\n"
+DOOR = "&EXIT ID='door', XB=12.0,12.0,3.4,4.6,0.4,1.6, IOR=1 /\n"
+LONG = [(3.0 + 0.3 * k, 3.3 + 0.3 * k, 1.0, 2.2, 0.0, 0.2 * (k + 1)) for k in range(14)]
+TURNED = [
+    *LONG[:7],
+    (5.1, 6.3, 1.0, 3.6, 1.4, 1.6),
+    *[(4.8 - 0.3 * k, 5.1 - 0.3 * k, 2.4, 3.6, 1.75 + 0.2 * k, 1.8 + 0.2 * k) for k in range(6)],
+]
+STACKED = [(x, 7.2, *rest[1:3], z - 0.2, z) for x, *rest, z in LONG]
+COPIES = "&MULT ID='up', DX=0.3, DZ=0.2, N_UPPER=13 /\n&OBST XB=3.0,3.3,1.0,2.2,0.0,0.2, MULT_ID='up' /\n"
+
+
+def _deck(hole, steps):
+    lines = steps if isinstance(steps, str) else "".join(f"&OBST XB={','.join(map(str, box))} /\n" for box in steps)
+    return FIRE.format("0.0,6.4") + ROOMS.format(hole) + lines + UP + DOOR
+
+
+@pytest.mark.parametrize(
+    ("hole", "steps", "flights"), [(7.2, LONG, 1), (6.6, TURNED, 2), (7.2, STACKED, 1), (7.2, COPIES, 1)]
+)
+def test_steps_between_storeys_are_a_stair(hole, steps, flights, tmp_path):
+    (tmp_path / "a.fds").write_text(_deck(hole, steps))
+    made = import_building([tmp_path / "a.fds"], tmp_path / "case")
+    assert made.missing == ()
+    pieces = [level for level in made.building.levels if level.stair == "stair 1"]
+    assert len([piece for piece in pieces if piece.kind == "flight"]) == flights
+    assert (min(one.z_min for one in pieces), max(one.z_max for one in pieces)) == pytest.approx((0.0, 3.0))
+    # People start only where the deck says so.
+    results = evac.run(tmp_path / "case")
+    assert (results.number_of_people, results.evacuated) == (5, 5)
+
+
+def test_steps_that_reach_no_storey_are_obstacles(tmp_path):
+    seats = [(3.0 + 0.8 * k, 3.8 + 0.8 * k, 1.0, 3.0, 0.0, 0.25 * (k + 1)) for k in range(4)]
+    (tmp_path / "a.fds").write_text(FIRE.format("0.0,3.2") + WALLS + _deck(7.2, seats).partition("&HOLE XB=3.0")[2])
+    plan = read_building(tmp_path / "a.fds")
+    assert not [level for level in plan.levels if level.stair]
+
+
+def test_a_slab_that_blocks_a_stair_is_cut_if_asked(tmp_path):
+    (tmp_path / "a.fds").write_text(_deck(3.1, LONG))
+    first = import_building([tmp_path / "a.fds"], tmp_path / "case")
+    assert [one.element for one in first.findings if one.kind == "missing" and one.element] == ["stair"]
+    assert any("cut_slabs" in text for text in first.missing)
+    again = import_building([tmp_path / "a.fds"], tmp_path / "cut", options={"cut_slabs": True})
+    assert again.missing == ()

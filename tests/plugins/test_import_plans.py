@@ -98,6 +98,16 @@ def test_unknown_properties_are_refused_by_naming_them(tmp_path):
         building_of(tmp_path / "a.geojson", collection(feature("", rectangle(0, 0, 4, 4), use="a", colour="b")))
 
 
+def test_named_polygons_of_geojson_are_rooms(tmp_path):
+    offices = [feature("", rectangle(4.0 * k, 0, 4.0 * k + 4.0, 3), name=name) for k, name in enumerate("abb")]
+    (tmp_path / "a.geojson").write_text(collection(*offices), encoding="utf-8")
+    plan = REGISTRY.importer_for(tmp_path / "a.geojson")(wall=0.1).read(tmp_path / "a.geojson")
+    assert [room.name for room in plan.rooms] == ["a"]  # the others are not told apart by their name
+    assert [level.polygon.area for level in plan.building(need_exit=False).levels] == pytest.approx(
+        [11.85, 11.7, 11.85]
+    )
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
