@@ -52,8 +52,8 @@ EXPORTED = ("floor", "flight", "landing", "exit", "door", "area", *DERIVED)
 KNOWN, LABELS = {"kind", "name", "storey", "level", "z"}, {"id", "fid", "objectid", "ogc_fid"}
 #: Thickness of walls between rooms of indoor maps with doors, if none is given [m].
 INDOOR_WALL = 0.1
-#: Points of a line that deviate by less are on one straight line [m].
-STRAIGHT = 0.01
+#: Points of a line that deviate by less are on one straight line [m]; polygons this near a door are at it [m].
+STRAIGHT, AT_DOOR = 0.01, 0.01
 #: Polygons that rise by more above their base, which is lower than heads, are no ground if there are others [m].
 STEP, HEADS = 0.3, 1.8
 #: Largest content of an archive [bytes]; largest coordinate [units], beyond which GEOS may loop.
@@ -79,7 +79,9 @@ class GeojsonImporter(Importer):
     z = Parameter(0.0, "height of the lowest storey without z", unit="m")
     height = Parameter(3.0, "height between consecutive storeys without z", unit="m", above=0.0)
     unit = Parameter(1.0, "metres per unit of the coordinates", unit="m", above=0.0)
-    wall = Parameter(0.0, "thickness of walls between polygons that touch; 0 joins them", unit="m", minimum=0.0)
+    wall = Parameter(
+        0.0, "thickness of walls between polygons that touch; 0: none without doors between them", unit="m", minimum=0.0
+    )
     coordinates = Parameter("auto", "plane, or degrees of longitude and latitude", choices=("auto", "plane", "degrees"))
 
     def read(self, path: Path) -> Plan:
@@ -258,7 +260,14 @@ class GeojsonImporter(Importer):
             if len(given) > 1:
                 raise ValueError(f"storey {name!r} must have one height z, not {', '.join(f'{z:g}' for z in given)}")
             z = given[0] if given else self.z + index * self.height
-            plan.storey(name, [one.shape for one in floors if one not in rooms] or None, z, wall=self.wall)
+            doors = [one.shape.centroid for one in ground[name] if one.shape.geom_type == "LineString"]
+            shapes = [one.shape for one in floors]
+            divides = not self.wall and any((shapely.distance(shapes, door) <= AT_DOOR).sum() > 1 for door in doors)
+            wall = INDOOR_WALL if divides else self.wall
+            plan.storey(name, [one.shape for one in floors if one not in rooms] or None, z, wall=wall)
+            if divides:
+                text = f"walls of {wall:g} m between polygons that touch, since doors are drawn between them (wall)"
+                plan.note("assumed", text, name)
             for one in rooms:
                 plan.room(numbered(one.name, {room.name for room in plan.rooms}), name, one.shape)
             plan.note("found", f"{len(floors)} polygons of ground", name)

@@ -84,6 +84,16 @@ def test_features_of_geojson(tmp_path):
     assert [area.name for area in building.areas] == ["stage"]
 
 
+@pytest.mark.parametrize("wall", [0.0, 0.2])
+def test_doors_between_polygons_of_geojson_that_touch_are_in_walls(tmp_path, wall):
+    door, rooms = feature("door", [[4, 1], [4, 2]], "LineString"), [rectangle(0, 0, 4, 3), rectangle(4, 0, 8, 3)]
+    text = collection(*(feature("", one) for one in rooms), door)
+    building = building_of(tmp_path / "a.geojson", text, wall=wall)
+    # 24 m2 less the wall of 3 m, of which 1 m is a door; 0.1 m thick unless it is given.
+    assert sum(level.polygon.area for level in building.levels) == pytest.approx(24.0 - (wall or 0.1) * 2.0)
+    assert any(one.kind == "assumed" and "walls of 0.1 m" in one.text for one in building.findings) == (not wall)
+
+
 def test_degrees_become_metres(tmp_path):
     corners = np.array(rectangle(0, 0, 1, 1)[0]) * [1e-4, 2e-4] + [13.4, 52.5]
     building = building_of(tmp_path / "a.geojson", collection(feature("", [corners.tolist()])))
