@@ -1,4 +1,7 @@
 import multiprocessing.process
+import os
+import sys
+import tempfile
 import textwrap
 
 import pytest
@@ -66,6 +69,20 @@ PLUGIN = """
     def evac_importers():
         return [Drawn]
 """
+
+
+def pytest_configure(config):
+    """Let the processes that tests start share compiled modules where these are not written beside the sources."""
+    if sys.dont_write_bytecode and os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):
+        folder = tempfile.TemporaryDirectory(prefix="evac-tests-")
+        os.environ["PYTHONPYCACHEPREFIX"] = folder.name
+        config.add_cleanup(folder.cleanup)
+
+
+@pytest.fixture
+def unpictured(monkeypatch):
+    """Leave the pictures of imported levels empty, where nobody looks at them."""
+    monkeypatch.setattr("evac.pictures.annotated.draw_levels", lambda building, path, *_: path.touch())
 
 
 @pytest.fixture

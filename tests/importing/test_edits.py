@@ -5,6 +5,8 @@ import pytest
 from evac import BuildingError, Plan, import_building, read_building
 from evac.building.plan.plantable import plan_text, table_of
 
+pytestmark = pytest.mark.usefixtures("unpictured")
+
 #: Two rooms with a wall between them, and an upper storey without a stair.
 ROOM, OTHER = [[0, 0], [8, 0], [8, 6], [0, 6]], [[8.2, 0], [14, 0], [14, 6], [8.2, 6]]
 

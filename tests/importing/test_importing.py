@@ -15,6 +15,8 @@ from evac import BuildingError, ScenarioError, import_building, read_building
 from evac.building.model.findings import KINDS
 from evac.importing.rooms import fill, find_openings, find_rooms, with_missing
 
+pytestmark = pytest.mark.usefixtures("unpictured")
+
 ROOM = "POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))"
 #: Three rooms along a corridor, with walls of 0.1 m.
 ROOMS = shapely.union_all([shapely.box(0, 0, 9, 2), *(shapely.box(3.05 * k, 2.1, 3.05 * k + 2.9, 6) for k in range(3))])
@@ -59,7 +61,6 @@ def test_without_an_exit_openings_are_offered(room, tmp_path):
     assert [(one.number, one.width) for one in made.openings] == [(1, 6.0), (2, 6.0), (3, 4.0), (4, 4.0)]
     assert "| 3 | floor | 4.00 |" in text_of(made, "report.md")
     assert "# [[building.exits]]" in text_of(made, "case.toml")
-    assert (made.folder / "levels.png").stat().st_size > 1000
     with pytest.raises(BuildingError, match="exit"):
         evac.run(evac.load(made.folder))
 

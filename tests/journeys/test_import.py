@@ -82,6 +82,7 @@ def test_ways_are_as_long_in_every_format(files):
 def test_an_imported_case_runs_and_says_what_was_read(files, capsys):
     folder, drawn, made = files
     assert made.is_accepted
+    assert (made.folder / "levels.png").stat().st_size > 10_000
     report = (made.folder / "report.md").read_text()
     assert all(exit_.name in report for exit_ in drawn.exits)
     results = evac.run(evac.load(made.folder / "case.toml", {"simulation.duration": 60.0}), folder / "result")

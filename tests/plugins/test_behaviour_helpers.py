@@ -32,7 +32,8 @@ def ward(*places, patients=None, staff=None, device="evacuation_chair", **parame
     ]
     content = {"building": plan, "people": people, "place": list(places), "contact": {"model": "nsm2"}}
     behaviours = {"walking": {}, "helpers": {"areas": ["ward"], "preparation": 10.0} | parameters}
-    return evac.load(content | {"behaviours": behaviours, "output": {"trajectory": False}})
+    coarse = {"directions": {"spacing": 0.2}, "output": {"trajectory": False}}
+    return evac.load(content | coarse | {"behaviours": behaviours})
 
 
 def run(case):

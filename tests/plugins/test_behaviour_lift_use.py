@@ -16,6 +16,7 @@ def towers(number, behaviour, *events, people=None, **changes):
         "behaviours": {"walking": {}, "lift_use": behaviour},
         "people": groups if people is None else people,
         "event": list(events),
+        "directions": {"spacing": 0.2},
         "simulation": {"duration": 900.0},
     }
     return Simulation(evac.load(table, changes))

@@ -32,7 +32,7 @@ def corridor(*groups, **parameters):
         for name, number, settings, speeds in groups
     ]
     content = {"building": plan, "people": people, "behaviours": {"walking": {}, "together": parameters}}
-    return Simulation(evac.load(content | {"contact": {"model": "nsm2"}}))
+    return Simulation(evac.load(content | {"contact": {"model": "nsm2"}, "directions": {"spacing": 0.2}}))
 
 
 def families(settings, **parameters):

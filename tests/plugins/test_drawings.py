@@ -13,6 +13,8 @@ import shapely.affinity
 import evac
 from evac import import_building, read_building
 
+pytestmark = pytest.mark.usefixtures("unpictured")
+
 UNITS = {"m": (6, 1.0), "cm": (5, 100.0), "mm": (4, 1000.0), "inch": (1, 1 / 0.0254)}
 #: Two rooms of 5.0 m and 3.6 m by 4.0 m, an inner wall of 0.2 m and outer walls of 0.3 m; a door in each.
 LEFT, RIGHT = shapely.box(0.3, 0.3, 5.3, 4.3), shapely.box(5.5, 0.3, 9.1, 4.3)

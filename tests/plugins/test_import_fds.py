@@ -5,6 +5,8 @@ import pytest
 import evac
 from evac import import_building, read_building
 
+pytestmark = pytest.mark.usefixtures("unpictured")
+
 DECK = """&HEAD CHID='office', TITLE='two storeys / one deck' /
 &MESH IJK=50,40,30, XB=0.0,10.0,0.0,8.0,0.0,6.0 /
 &MESH IJK=50,40,1, XB=0.0,10.0,0.0,8.0,0.4,1.6, EVACUATION=.TRUE., EVAC_HUMANS=.TRUE. /

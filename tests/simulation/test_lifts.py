@@ -46,7 +46,7 @@ def tower(heights=(0.0, 20.0), cars=1, stair=False, **operation):
 
 def case(plan, people, model="nsm2", **changes):
     table = {"building": plan, "people": people, "contact": {"model": model}, "behaviours": {"walking": {}}}
-    return evac.load(table | {"simulation": {"duration": 900.0}}, changes)
+    return evac.load(table | {"directions": {"spacing": 0.2}, "simulation": {"duration": 900.0}}, changes)
 
 
 def group(number, level, **more):
@@ -287,7 +287,8 @@ def test_who_rides_up_as_the_lift_goes_out_of_service_gets_out_and_takes_the_sta
     fire = group(2, "s0", name="firefighters", assembly=["command"])
     for at in (3.0, 9.0, 30.0):  # while they walk to it, board, and ride
         event = {"kind": "close", "target": "lift 0", "time": at}
-        simulation = watched(Simulation(case(plan, [fire], "nsm1", place=place, event=[event])))
+        fine = {"directions.spacing": 0.1}
+        simulation = watched(Simulation(case(plan, [fire], "nsm1", place=place, event=[event], **fine)))
         assert simulation.ended == "everybody out or at a safe place"
         assert len(simulation.results().places[0].people) == 2
 

@@ -113,6 +113,7 @@ def escalators(events=(), people=(), **moving):
         "people": list(people),
         "contact": {"model": "nsm2"},
         "behaviours": {"walking": {}, "riding": {}},
+        "directions": {"spacing": 0.2},
         "event": list(events),
         "simulation": {"duration": 120.0},
     }

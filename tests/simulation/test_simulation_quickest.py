@@ -40,6 +40,7 @@ def case_of(strategy="quickest", **changes):
         "building": {"plan": PLAN},
         "contact": {"model": "nsm2"},
         "behaviours": {"headway": {}},
+        "directions": {"spacing": 0.2},
         "simulation": {"duration": 90.0},
         "output": {"picture": False, "replay": False},
         "people": [{"name": "a", "area": "floor", **group}, {"name": "b", "area": "above", **group, "number": 20}],
