@@ -1,8 +1,10 @@
 """Importer of IFC files (extra evac[ifc]): spaces, slabs, walls, columns, doors, stairs and lifts by their geometry."""
 
+import math
 import re
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,6 +63,10 @@ FILLS = re.compile(rb"=\s*IFCRELFILLSELEMENT\s*\([^;]*?#(\d+)\s*,\s*#(\d+)\s*\)\
 #: The direction of true north in plan, of the model's context.
 CONTEXT = re.compile(rb"=\s*IFCGEOMETRICREPRESENTATIONCONTEXT\s*\([^;]*,\s*#(\d+)\s*\)\s*;")
 DIRECTION = rb"#%d\s*=\s*IFCDIRECTION\s*\(\s*\(\s*([^,;]+),\s*([^,;)]+)"
+#: A file whose unit of mass is the gram. Attributes of IFC 2x3 and properties of later versions that tell how many
+#: people and what mass a lift carries.
+GRAMS = re.compile(rb"=\s*IFCSIUNIT\s*\(\s*\*\s*,\s*\.MASSUNIT\.\s*,\s*\$\s*,\s*\.GRAM\.")
+CAPACITY, LOAD = ("CapacityByNumber", "CapacityPeople"), ("CapacityByWeight", "CapacityWeight")
 #: Names of spaces that enclose stairs.
 STAIRWELL = re.compile("stair|trepp|escal|scala")
 #: Longest name that is used unchanged.
@@ -104,7 +110,7 @@ class IfcImporter(Importer):
         }
         names = {part: storeys[whole][0] for part, whole in _parts(content).items() if whole in storeys}
         fillings = {int(filling): int(opening) for opening, filling in FILLS.findall(content)}
-        bodies = _bodies(read, names, fillings, findings)
+        bodies = _bodies(read, names, fillings, 0.001 if GRAMS.search(content) else 1.0, findings)
         proxies = _proxies(read, {body.kind for body in bodies}, bool(self.proxies), findings)
         bodies += proxies if self.proxies else []
         own = {key: self.values()[key] for key in Rules.__annotations__}
@@ -140,9 +146,12 @@ def _parts(content: bytes) -> dict[int, int]:
 
 
 def _bodies(
-    read: "Products", storeys: Mapping[int, str], fills: Mapping[int, int], findings: list[Finding]
+    read: "Products", storeys: Mapping[int, str], fills: Mapping[int, int], mass: float, findings: list[Finding]
 ) -> "list[Body]":
-    """Return the bodies of a file, sorted by number; add a finding for each element without a shape or left out."""
+    """Return the bodies of a file, sorted by number; add a finding for each element without a shape or left out.
+
+    `mass` is the unit of mass of the file [kg].
+    """
     from evac.building.recover.bodies import Body
 
     bodies = []
@@ -172,7 +181,8 @@ def _bodies(
         storey, opening = storeys.get(number, ""), fills.get(number, -1)
         use = uses.get(number, "")  # rooms whose names begin alike, such as with "office", have one use
         use = use.partition(" ")[0] if begun[use.partition(" ")[0]] > 1 else use
-        bodies.append(Body(kind, _label(number, element), points, triangles, number, storey, opening, use))
+        stated = (int(_stated(element, CAPACITY)), _stated(element, LOAD) * mass) if kind == "lift" else ()
+        bodies.append(Body(kind, _label(number, element), points, triangles, number, storey, opening, use, *stated))
     return bodies
 
 
@@ -209,6 +219,16 @@ def _kind(element: Mapping[str, Any]) -> str | None:
         if predefined == "LANDING":
             return "landing"
     return kind
+
+
+def _stated(element: Mapping[str, Any], names: tuple[str, str]) -> float:
+    """Return a positive number that a file states of a lift, as one of its attributes or properties; 0 if none."""
+    stated = [*(element["attributes"] or ()), *(own for one in element["property_sets"] for own in one["properties"])]
+    for value in (one["value"] for one in stated if one["name"] in names):
+        with suppress(TypeError, ValueError):
+            if 0.0 < float(value) < math.inf:
+                return float(value)
+    return 0.0
 
 
 def _label(number: int, element: Mapping[str, Any]) -> str:

@@ -259,7 +259,7 @@ class Lifts(Saved):
             self._change(k, OPENS, int(self.stop[k]))
             self._last[k], self._count[k] = until, len(self._inside(k))
             self._lets_out[k] = self._count[k] > 0
-            self._call_in(k)
+            self._call_in(k, int(self.stop[k]))
             return self._enter(k, OPEN, until)
         if len(self._on_line(k)):
             if self._scene.time > until + (PATIENCE if phase == CLOSING else COMING):  # and again, if that was in vain
@@ -284,6 +284,7 @@ class Lifts(Saved):
             return self._enter(k, OPENING, start + lift.operation.opening)
         self._change(k, LEAVES, stop, to)
         self.to[k] = to
+        self._call_in(k, to)  # so that they stand before its door when it arrives
         if len(rows):
             mass = float(self._crowd.mass[rows].sum())
             self.trips = np.vstack([self.trips, Trip(k, time, stop, to, len(rows), mass)])
@@ -500,9 +501,9 @@ class Lifts(Saved):
         moved: FloatArray = np.clip(spots, np.array([x1, y1]) + off, np.array([x2, y2]) - off)
         return moved
 
-    def _waiting(self, k: int) -> IntArray:
-        """Return who waits before the doors of the lobby at which a car is."""
-        lobby = self._lobby[k, int(self.stop[k])]
+    def _waiting(self, k: int, stop: int) -> IntArray:
+        """Return who waits before the doors of the lobby of a car at a stop."""
+        lobby = self._lobby[k, stop]
         rows = np.flatnonzero((self._waits_at == lobby) & (self._crowd.level == self._lobbies[lobby].level))
         return rows.astype(np.int32)
 
@@ -517,7 +518,7 @@ class Lifts(Saved):
         if self.phase[k] != OPEN or self._lets_out[k] or not self._runs(k):
             return
         crowd, lobby = self._crowd, self._lobbies[self._lobby[k, stop]]
-        rows = self._waiting(k)
+        rows = self._waiting(k, stop)
         own = self._on_line(k)
         for door in (door for car, at, door in lobby.cars if (car, at) == (k, stop)):
             _, distance, _ = nearest_points(door.segments, crowd.position[rows])
@@ -533,18 +534,20 @@ class Lifts(Saved):
             self._place[new] = places = self._places_for(k, new, in_car)
             crowd.passing[new[np.isfinite(places[:, 0])]] = door.index
 
-    def _call_in(self, k: int) -> None:
-        """Call the nearest people who wait before the doors of a bank to the car that has opened its doors."""
-        stop = int(self.stop[k])
+    def _call_in(self, k: int, stop: int) -> None:
+        """Call the nearest people who wait before the doors of a bank to an empty car that leaves for them, or opens.
+
+        Those whom it has called before stay called.
+        """
         lobby = self._lobbies[self._lobby[k, stop]]
-        if self._lets_out[k] or len(lobby.cars) < 2:
+        if len(inside := self._inside(k)) or len(lobby.cars) < 2:
             return
-        rows = self._waiting(k)
-        rows = rows[self._called[rows] < 0]
+        rows = self._waiting(k, stop)
+        rows = rows[np.isin(self._called[rows], (-1, k))]
         door = next(door for car, _, door in lobby.cars if car == k)
         _, distance, _ = nearest_points(door.segments, self._crowd.position[rows])
-        rows = rows[np.lexsort((rows, distance))]
-        self._called[rows[np.isfinite(self._places_for(k, rows, self._inside(k))[:, 0])]] = k
+        rows = rows[np.lexsort((rows, distance, self._called[rows] != k))]
+        self._called[rows[np.isfinite(self._places_for(k, rows, inside)[:, 0])]] = k
 
     def steer(self) -> None:
         """Lead people who were called to a car to its door, and those in a car to their places; after behaviours."""
@@ -558,7 +561,8 @@ class Lifts(Saved):
             if self.phase[k] == BACK:
                 self._clear(k)
         for k in np.unique(self._called[self._called >= 0]).tolist():
-            lobby = self._lobbies[self._lobby[k, int(self.stop[k])]]
+            stop = (self.to if self.phase[k] == RIDES else self.stop)[k]
+            lobby = self._lobbies[self._lobby[k, int(stop)]]
             rows = np.flatnonzero((self._called == k) & (crowd.level == lobby.level)).astype(np.int32)
             door = next(door for car, _, door in lobby.cars if car == k)
             nearest, _, outward = nearest_points(door.segments, crowd.position[rows], crowd.contact_radius[rows])

@@ -550,6 +550,13 @@ def test_a_void_in_a_slab_is_no_ground(tmp_path):
     assert (void.level, 6 < void.place[0] < 8) == ("L1", True)
 
 
+def lift_file(ifc, tail, depth=2.0):
+    """Write a house of two storeys with a transport element and its doors; return the element."""
+    for z in (0.0, 3.0):
+        ifc.opening((10.2, 2.5, z), (10.4, 3.5, z + 2.1), door="landing door")
+    return ifc.box("IFCTRANSPORTELEMENT", "A", (10.7, 3.0 - depth / 2, 0.0), (12.3, 3.0 + depth / 2, 2.3), tail=tail)
+
+
 @pytest.mark.parametrize(
     ("schema", "tail"), [("IFC4", ",.ELEVATOR."), ("IFC2X3", ",.ELEVATOR.,630.,8."), ("IFC4", ",.ESCALATOR.")]
 )
@@ -557,17 +564,52 @@ def test_a_lift_is_read_with_the_stops_that_doors_lead_to_and_does_not_run_until
     tmp_path, schema, tail
 ):
     ifc = house(IfcFile(schema=schema), storeys=2)
-    for z in (0.0, 3.0):
-        ifc.opening((10.2, 2.5, z), (10.4, 3.5, z + 2.1), door="landing door")
-    ifc.box("IFCTRANSPORTELEMENT", "A", (10.7, 2.0, 0.0), (12.3, 4.0, 2.3), tail=tail)
-    path = ifc.write(tmp_path / "a.ifc")
-    building = building_of(path)
+    lift_file(ifc, tail)
+    building = building_of(ifc.write(tmp_path / "a.ifc"))
     if "ESC" in tail:
         assert not building.lifts
         return
     (lift,) = building.lifts
     assert (lift.name, lift.storeys, lift.heights) == ("A", ("L0", "L1"), (0.0, 3.0))
     assert not lift.operation.service
+    assert (lift.operation.capacity, lift.operation.load) == ((8, 630.0) if schema == "IFC2X3" else (13, None))
     assert building.levels[lift.rooms[0]].polygon.area == pytest.approx(1.6 * 2.0)
     assert [round(sum(building.portals[door].width for door in doors), 2) for doors in lift.doors] == [1.0, 1.0]
     assert not building.for_ways.is_open(building.portals[lift.doors[1][0]])
+
+
+def test_a_car_without_a_stated_capacity_carries_as_many_as_its_ground_holds(tmp_path):
+    ifc = house(IfcFile(), storeys=2)
+    lift_file(ifc, ",.ELEVATOR.", depth=0.9)
+    (lift,) = building_of(ifc.write(tmp_path / "a.ifc")).lifts
+    assert lift.operation.capacity == 12  # 1.6 x 0.9 m
+
+
+@pytest.mark.parametrize(
+    ("people", "mass", "of_type", "unit", "found"),
+    [
+        ("IFCCOUNTMEASURE(8)", "630.", False, ".KILO.", (8, 630.0)),
+        ("IFCINTEGER(8)", "630000.", True, "$", (8, 630.0)),
+        ("IFCCOUNTMEASURE(0)", "0.", False, ".KILO.", (13, None)),
+        ("IFCLABEL('many')", "1000.", False, ".KILO.", (13, 1000.0)),
+        ("IFCCOUNTMEASURE(40)", "3000.", False, ".KILO.", (26, 3000.0)),  # on 3.2 m2
+    ],
+)
+def test_a_lift_carries_what_its_properties_or_those_of_its_type_state_as_far_as_there_is_ground(
+    tmp_path, people, mass, of_type, unit, found
+):
+    ifc = house(IfcFile(), storeys=2)
+    ifc.add(f"IFCSIUNIT(*,.MASSUNIT.,{unit},.GRAM.)")
+    element = lift_file(ifc, ",.ELEVATOR.")
+    own = [
+        ifc.add(f"IFCPROPERTYSINGLEVALUE('CapacityPeople',$,{people},$)"),
+        ifc.add(f"IFCPROPERTYSINGLEVALUE('CapacityWeight',$,IFCMASSMEASURE({mass}),$)"),
+    ]
+    stated = ifc.add(f"IFCPROPERTYSET({ifc.guid()},$,'Pset_TransportElementCommon',$,({','.join(own)}))")
+    if of_type:
+        kind = ifc.add(f"IFCTRANSPORTELEMENTTYPE({ifc.guid()},$,'t',$,$,({stated}),$,$,$,.ELEVATOR.)")
+        ifc.add(f"IFCRELDEFINESBYTYPE({ifc.guid()},$,$,$,({element}),{kind})")
+    else:
+        ifc.add(f"IFCRELDEFINESBYPROPERTIES({ifc.guid()},$,$,$,({element}),{stated})")
+    (lift,) = building_of(ifc.write(tmp_path / "a.ifc")).lifts
+    assert (lift.operation.capacity, lift.operation.load) == found

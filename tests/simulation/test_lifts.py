@@ -114,6 +114,21 @@ def test_a_shuttle_makes_no_extra_trip_and_its_time_is_that_of_the_hand_calculat
     assert last == pytest.approx(max(hands), abs=2.0)
 
 
+def test_people_are_called_to_the_door_of_a_car_of_a_bank_before_it_arrives():
+    """All wait before the uppermost of three doors; when the three cars open theirs, somebody stands before each."""
+    places = np.stack(np.meshgrid(np.linspace(8.2, 9.7, 4), np.linspace(4.0, 5.7, 4)), axis=-1).reshape(-1, 2).tolist()
+    people = {"name": "crowd", "level": "s1", "positions": places, "lifts": "preferred"}
+    simulation = Simulation(case(tower(cars=3, capacity=6), [people], "nsm1"))
+    crowd, lobby = simulation.population.crowd, simulation.building.level_named("s1").index
+    while not (is_open := (simulation.lifts.phase == OPEN) & (simulation.lifts.stop == 1)).any():
+        simulation.advance_tick()
+    assert is_open.all()
+    before = crowd.position[crowd.level == lobby]
+    assert all(np.hypot(*(before - (10.0, y)).T).min() < 1.0 for y in (1.0, 3.0, 5.0))
+    watched(simulation)
+    assert sorted(simulation.lifts.trips[:, 4].tolist()) == [4.0, 6.0, 6.0]
+
+
 def test_a_full_car_leaves_the_others_waiting_by_persons_and_by_load():
     people = [group(9, "s1", mass=80.0)]
     by_persons = watched(Simulation(case(tower((0.0, 4.0), capacity=4), people)))

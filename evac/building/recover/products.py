@@ -31,6 +31,8 @@ START = 60.0
 PATIENCE = 30.0 if hasattr(signal, "setitimer") else 1.0
 #: What is read of an entity.
 KEYS = ("ifc_type", "name", "object_type", "has_geometry", "placement", "attributes")
+#: The class whose property sets, with those of its types, are read too.
+TRANSPORT = "IfcTransportElement"
 
 #: Points (v, 3) [m] and triangles (t, 3).
 Shape = tuple[FloatArray, IndexArray]
@@ -40,7 +42,7 @@ Shape = tuple[FloatArray, IndexArray]
 class Products:
     """Content of a file, by the number of the entity."""
 
-    entities: dict[int, dict[str, Any]]  # by number, with the values of `KEYS`
+    entities: dict[int, dict[str, Any]]  # by number, with the values of `KEYS`, and property sets of `TRANSPORT`
     shapes: dict[int, Shape] = field(default_factory=dict)
     late: dict[int, str] = field(default_factory=dict)  # why products have no shape that should have one
 
@@ -143,8 +145,9 @@ def _answer(function: Callable[..., Any], arguments: tuple[Any, ...], limit: flo
 
 def _entities() -> dict[int, dict[str, Any]]:
     """Return the entities of the file."""
-    read = import_module(LIBRARY).entity_data(_content, placements=True, type_properties=False, attributes=True)
-    return {number: {key: one[key] for key in KEYS} for number, one in read["entities"].items()}
+    read = import_module(LIBRARY).entity_data(_content, placements=True, type_properties=True, attributes=True)
+    keys = {TRANSPORT: (*KEYS, "property_sets")}
+    return {n: {key: one[key] for key in keys.get(one["ifc_type"], KEYS)} for n, one in read["entities"].items()}
 
 
 def _shapes(numbers: Sequence[int]) -> dict[int, Shape]:

@@ -34,6 +34,8 @@ class Body:
     storey: str = ""  # name of the storey that a space belongs to, by the file
     fills: int = -1  # number of the opening that a door or window fills, by the file
     use: str = ""  # what a space is used for, by the file
+    capacity: int = 0  # people whom a lift carries, by the file; 0 if it does not say
+    load: float = 0.0  # mass that a lift carries, by the file [kg]; 0 if it does not say
 
     @cached_property
     def corners(self) -> FloatArray:

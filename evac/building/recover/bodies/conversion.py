@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, HEADROOM
-from evac.base.errors import BuildingError
+from evac.base.errors import BuildingError, counted
 from evac.building.geometry import common, cut, flat_parts, place_of, united
 from evac.building.model.findings import Finding, and_more, grouped, numbered
 from evac.building.plan.outlines import normal, strips
@@ -282,6 +282,9 @@ def _leave_out_lifts(
 
 def _add_lifts(plan: Plan, lifts: Sequence[Body], passages: Sequence[Body], floors: Sequence[Floor]) -> None:
     """Add the lifts with doors on at least two floors, which do not run until a case says so."""
+    from evac.base.change import LiftOptions
+    from evac.building.model.lifts import LEAST_GROUND
+
     names = set[str]()
     for body in lifts:
         stops, doors, car = list[str](), list[FloatArray](), body.rectangle()
@@ -299,8 +302,13 @@ def _add_lifts(plan: Plan, lifts: Sequence[Body], passages: Sequence[Body], floo
             continue
         name = numbered(body.name, names)
         names.add(name)
-        plan.lift(name, stops, np.round(car, 3), doors, operation={"service": False})
-        text = f"lift {name!r} stops at {', '.join(stops)}; it runs if the case says service = true"
+        most = int(shapely.Polygon(car).area / LEAST_GROUND)
+        people = max(1, min(body.capacity or LiftOptions().capacity, most))
+        load = {"load": body.load} if body.load else {}
+        plan.lift(name, stops, np.round(car, 3), doors, operation={"service": False, "capacity": people} | load)
+        stated = f"{body.load:.0f} kg" if body.load else "no limit of mass"
+        text = f"lift {name!r} stops at {', '.join(stops)}, for {counted(people, 'person', 'people')} and {stated}"
+        text += "; it runs if the case says service = true"
         plan.note("assumed", text, stops[0], body.place)
 
 
