@@ -12,6 +12,7 @@ from plugin_tables import checks, hooks, plugins
 from summary_keys import keys
 
 from evac.cli.main import COMMANDS, parser
+from evac.conditions.source import QUANTITIES
 
 MARK = re.compile(r"^<!-- table: (\w+) -->$", re.MULTILINE)
 
@@ -22,10 +23,10 @@ def filled(text: str) -> str:
 
 
 def table(name: str) -> str:
-    """Return a table in Markdown: keys of a case or a summary, commands, options, hooks, checks, or plugins."""
+    """Return a table in Markdown: commands, options, keys, hooks, checks, quantities, or plugins of a kind."""
     if name == "commands" or name in COMMANDS:
         return options(name)
-    made = {"case": reference, "summary": keys, "hooks": hooks, "checks": checks}
+    made = {"case": reference, "summary": keys, "hooks": hooks, "checks": checks, "quantities": quantities}
     return made[name]() if name in made else plugins(name)
 
 
@@ -41,6 +42,12 @@ def options(name: str) -> str:
         rows = {" ".join([*one.option_strings[-1:], value]).strip(): one.help for one, value in values.items()}
     head = "command" if name == "commands" else "option"
     return "\n".join([f"| {head} | meaning |", "|---|---|", *(f"| `{key}` | {text} |" for key, text in rows.items())])
+
+
+def quantities() -> str:
+    """Return the quantities of the air with their units; concentrations are those of volumes."""
+    rows = (f"| `{name}` | {one.unit} | {one.doc} |" for name, one in QUANTITIES.items())
+    return "\n".join(["| quantity | unit | meaning |", "|---|---|---|", *rows])
 
 
 if __name__ == "__main__":

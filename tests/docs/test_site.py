@@ -44,7 +44,7 @@ def test_every_key_and_plugin_is_described_on_a_page_once(root):
     registry = Registry()
     kinds = {f"{item['kind']}s" for entry in registry.describe() for item in entry["provides"]} - {"cases", "exporters"}
     assert sorted(name for page in pages for name in MARK.findall(page)) == sorted(
-        {"case", "summary", "commands", "hooks", "checks", "import", "map", "render", "report", *kinds}
+        {"case", "summary", "commands", "hooks", "checks", "quantities", "import", "map", "render", "report", *kinds}
     )
     for kind in kinds:
         for name, plugin in getattr(registry, kind).items():
