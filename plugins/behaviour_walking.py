@@ -64,7 +64,7 @@ class Rule(Struct):
     stair_length: float
     headway: float
     anticipation: float
-    foresight: float
+    foresight: float  # the headway of people as measured, also with regulation
     horizon: float
     stop_time: float
     right: float
@@ -114,7 +114,7 @@ class Walking(Behaviour):
 
     - j walks the same way (with the same route and e.h_j > 0, or with directions less than 45 degrees apart) and is
       farther ahead: (s - w l + T_a max(0, u_j.h)) / (w (T + T_a)). The weight is w = min(1, 2 (1 - y / b)), where y is
-      the distance of j beside the line of h, now or after the time t_f, whichever is less, and 0 if j changes sides.
+      the distance of j beside the line of h, now or after the time T, whichever is less, and 0 if j changes sides.
       In single file at the speed u, distances are l + T u.
     - j walks another way: the free way along h at v0 until the bodies touch while j keeps its velocity, divided by
       t_h. Of two who cross, at directions 45 to 135 degrees apart, only the one behind heeds the other. Oncoming people
@@ -142,11 +142,10 @@ class Walking(Behaviour):
     -----
     `length` and `headway` are close to single file as measured by Seyfried et al., where distances are 0.36 m + 1.06
     s u. `chest_depth`, `breadth`, `anticipation`, `reaction_time` and `clearance` are fitted to flows through doors
-    of 0.5 to 2.5 m and to speeds in a corridor, `foresight` to the difference between doors with necks of 0.25 and
-    2.8 m, `stair_length` to the flow down a stair, `horizon`, `stop_time`, `right`, `push` and `creep` to people who
-    come towards each other or cross, who must not block each other. The remaining numbers are the gap of 0.05 m to
-    the bodies of others and, for ways round a crowd, its density of 1 per square metre, and the 0.2 m beside people who
-    stand firm with which others pass easily.
+    of 0.5 to 2.5 m and to speeds in a corridor, `stair_length` to the flow down a stair, `horizon`, `stop_time`,
+    `right`, `push` and `creep` to people who come towards each other or cross, who must not block each other. The
+    remaining numbers are the gap of 0.05 m to the bodies of others and, for ways round a crowd, its density of 1 per
+    square metre.
 
     References
     ----------
@@ -186,13 +185,15 @@ class Walking(Behaviour):
     length = Parameter(0.4, "distance of centres l at which people stop behind others", "m", minimum=0.0, maximum=2.0)
     stair_length = Parameter(0.6, "distance l on stairs", "m", minimum=0.0, maximum=2.0)
     headway = Parameter(
-        0.8, "time T by which the distance in a file increases with the speed", "s", above=0.0, maximum=60.0
+        0.8,
+        "time T by which the distance in a file increases with the speed, and after which people ahead count where "
+        "they will be",
+        "s",
+        above=0.0,
+        maximum=60.0,
     )
     anticipation = Parameter(
         2.2, "time T_a for which the motion of the person ahead counts", "s", minimum=0.0, maximum=60.0
-    )
-    foresight = Parameter(
-        0.8, "time t_f after which people ahead count where they will be", "s", minimum=0.0, maximum=10.0
     )
     horizon = Parameter(
         1.5, "time t_h for which people look ahead when they compare headings", "s", minimum=0.1, maximum=10.0
@@ -249,7 +250,8 @@ class Walking(Behaviour):
             bound=np.zeros(n),
             order=np.zeros(n, np.int32),
         )
-        self._rule = Rule(**{name: getattr(self, name) for name in Rule.kinds})
+        numbers = {name: getattr(self, name) for name in Rule.kinds if name != "foresight"}
+        self._rule = Rule(foresight=self.headway, **numbers)
         if self.preset == "regulation":
             self._rule.anticipation = 0.0
             self._rule.headway = 3.2 * self.headway

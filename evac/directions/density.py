@@ -12,9 +12,6 @@ from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid
 #: Least share of a kernel on the floor by which a density is divided, so that a narrow place is not taken for full.
 LEAST_SHARE = 0.2
 
-#: Room beside people who stand with which others pass as easily as without them [m].
-EASY = 0.2
-
 
 class Kernels:
     """The Gauss kernels of a standard deviation `width` [m] with which people add to densities on grids."""
@@ -37,7 +34,7 @@ class Kernels:
         """Return the density (nodes,) that bodies of a radius `own` [m] meet beside people (n,) who stand [1/m2].
 
         It is infinite where bodies touch these people, or a wall before they have passed between, and that of a jam
-        where they only just pass.
+        where they only just pass. With room of the radius `own`, they pass as easily as without these people.
         """
         room = np.full(self.grids.size, np.inf)
         for at, place, reach in zip(level.tolist(), position, radius + own, strict=True):
@@ -50,7 +47,7 @@ class Kernels:
         for at in np.unique(level).tolist():
             grid = self.grids.levels[at]
             room[grid.ring] += np.minimum(grid.distance - own, 0.0)
-        return np.where(room < 0.0, np.inf, JAM * np.clip(1.0 - room / EASY, 0.0, 1.0))
+        return np.where(room < 0.0, np.inf, JAM * np.clip(1.0 - room / own, 0.0, 1.0))
 
     def average(
         self,

@@ -80,7 +80,7 @@ class LocalWays(Saved):
         inside = level >= 0
         firm, walking = inside & is_firm, inside & ~is_firm
         nodes = self._kernels.nodes_at(level, position)
-        own = self._headings(columns, level, nodes)
+        ways = self._headings(columns, level, nodes)
         routes = self.fields.routes
         used = set(np.unique(columns[inside]).tolist()) | self._columns.keys()
         for number in sorted(used):
@@ -88,13 +88,13 @@ class LocalWays(Saved):
             if own_route.strategy not in STRATEGIES or own_route.follows_crowd:
                 continue
             others = self._headings(np.full_like(columns, number), level, nodes)
-            cosine = (own * others).sum(axis=1)
+            cosine = (ways * others).sum(axis=1)
             alike = np.where(cosine > 0.0, level, -1)
             against = np.where(cosine < 0.0, level, -1)
             beside = None
-            if firm.any():
-                own = radius[(columns == number) & walking].max(initial=0.0)
-                beside = self._kernels.beside(level[firm], position[firm], radius[firm], own)
+            own = radius[(columns == number) & walking]
+            if firm.any() and own.size:
+                beside = self._kernels.beside(level[firm], position[firm], radius[firm], float(own.max()))
             self._follow(number, alike, against, position, nodes[(columns == number) & inside], level[inside], beside)
 
     def _follow(

@@ -103,18 +103,22 @@ def test_a_sparse_crowd_and_those_who_come_towards_it_change_nothing(hall):
     assert not [key for key in local.state() if "column" in key]
 
 
-def test_people_of_another_way_do_not_count(drawing):
+@pytest.mark.parametrize("firm", [0, 1])
+def test_people_of_another_way_do_not_count(drawing, firm):
+    """Whether or not somebody stands firm in a corner."""
     level = drawing.level((0.0, 0.0, 12.0, 6.0))
     drawing.exit("left", level, (0.0, 2.0), (0.0, 4.0))
     drawing.exit("right", level, (12.0, 2.0), (12.0, 4.0))
     local, clear = local_in(drawing.build(), (Route(("left",), "fastest"), Route(("right",), "fastest")))
     crowd = crowd_in(7.0, 1.0, 10.0, 3.2)
-    people = np.array([*crowd, [4.0, 3.0]])
-    route = np.array([0] * len(crowd) + [1], np.int32)
+    people = np.array([[0.5, 0.5]] * firm + [*crowd, [4.0, 3.0]])
     n = len(people)
-    local.update(np.zeros(n, np.int32), people, route, np.full(n, 0.2), np.zeros(n, np.bool_))
+    route = (np.arange(n) == n - 1).astype(np.int32)
+    local.update(np.zeros(n, np.int32), people, route, np.full(n, 0.2), np.arange(n) < firm)
     there = np.array([[5.0, 3.0], [6.0, 3.0]])
-    assert (local.fields.directions_at(0, there, 1, 0.2) == clear.directions_at(0, there, 1, 0.2)).all()
+    assert local.fields.directions_at(0, there, 1, 0.2) == pytest.approx(
+        clear.directions_at(0, there, 1, 0.2), abs=0.01 if firm else 0.0
+    )
     before = np.array([[10.5, 2.0]])
     assert (local.fields.directions_at(0, before, 0, 0.2) != clear.directions_at(0, before, 0, 0.2)).any()
 

@@ -23,12 +23,11 @@ EAST, WEST, NORTH, BESIDE = range(4)
 
 #: Speed and radius of all people of the exact tests, and the parameters, which need not be the defaults.
 SPEED, RADIUS, B, LENGTH, T, TA = 1.2, 0.15, 0.55, 0.43, 0.78, 2.0
-FORESIGHT, HORIZON, STOP, RIGHT = 0.8, 2.5, 0.5, 0.1
+HORIZON, STOP, RIGHT = 2.5, 0.5, 0.1
 LAW = {"chest_depth": 2.0 * RADIUS, "breadth": B, "length": LENGTH, "headway": T, "anticipation": TA, "creep": 0.2}
 CLEARANCE = 0.18
 LAW |= {
     "clearance": CLEARANCE,
-    "foresight": FORESIGHT,
     "horizon": HORIZON,
     "stop_time": STOP,
     "right": RIGHT,
@@ -64,7 +63,7 @@ def speed_after(place, velocity=0.0, **others):
 def speed_left(place, moved, heading=WAYS[EAST], length=LENGTH, excess=0.0):
     """Return the speed along a heading that somebody who walks the same way leaves, for bodies wider by an excess."""
     beside = heading[0] * place[1] - heading[1] * place[0]
-    later = beside + FORESIGHT * (heading[0] * moved[1] - heading[1] * moved[0])
+    later = beside + T * (heading[0] * moved[1] - heading[1] * moved[0])
     near = 0.0 if beside * later <= 0.0 else min(abs(beside), abs(later))
     share = min(2.0 * (1.0 - (near - excess) / B), 1.0)
     if share <= 0.0 or heading @ place <= 0.0:
@@ -365,7 +364,7 @@ def beside_a_wheelchair(gap, wide, number, seed):
 
 
 @pytest.mark.parametrize(
-    ("gap", "wide", "number"), [(0.334, 0.0, 1), (0.4, 0.0, 6), (0.6, 0.0, 6), (0.25, 1.0, 6), (0.334, 1.0, 6)]
+    ("gap", "wide", "number"), [(0.32, 0.0, 1), (0.4, 0.0, 6), (0.6, 0.0, 6), (0.25, 1.0, 6), (0.334, 1.0, 6)]
 )
 def test_who_stands_firm_is_passed_where_a_body_fits_and_not_pushed(gap, wide, number):
     """Bodies are 0.3 m deep; nobody swings before a gap that is too narrow, beside one that is wide enough."""
