@@ -244,32 +244,6 @@ def _artificial_scenes(simulation: Simulation) -> Iterator[tuple[str, float]]:
     yield "the last person inside", end
 
 
-def check_distance(behaviour: Behaviour, case: Case, ticks: int) -> None:
-    """Check that a behaviour that keeps distances slows people down behind people who have left, inside and outside."""
-    if not behaviour.keeps_distance:
-        return
-    simulation, used, view = _prepared(case, behaviour.name)
-    crowd, way = simulation.population.crowd, simulation.building.exits[0]
-    with scene(f"three people at an exit of {case.title}"), simulation.population.writable():
-        assert simulation.outside is not None
-        outside, depth = simulation.outside.arrays, np.array([-0.4, 0.2, 0.8])
-        begin, end = way.segments[0].reshape(2, 2)
-        normal = (end - begin)[::-1] * (1.0, -1.0) / np.hypot(*(end - begin))
-        outside.position[:3] = (begin + end) / 2 + depth[:, None] * normal
-        outside.depth[:3], outside.direction[:3] = depth, normal
-        crowd.level[:], crowd.start_time[:] = -1, -1.0
-        crowd.level[0], crowd.position[0] = way.level, outside.position[0]
-        factors = []
-        for number in range(3):
-            outside.level[1 : 1 + number] = way.level
-            crowd.speed_factor[:], crowd.extra_direction[:], outside.speed_factor[:] = 1.0, 0.0, 1.0
-            used.act(view.crowd, 0.0)
-            factors.append((crowd.speed_factor[0], outside.speed_factor[1]))
-        failure = "does not slow down a person {}, 0.6 m ahead; use scene.outside, and multiply its speed_factor"
-        require(factors[1][0] < factors[0][0], failure.format("inside behind a person who has left"))
-        require(factors[2][1] < factors[1][1], failure.format("who has left behind another one"))
-
-
 def _prepared(case: Case, name: str) -> tuple[Simulation, Behaviour, BehaviourScene]:
     """Return a simulation, and a prepared behaviour with its scene."""
     with scene(case.title):
@@ -346,7 +320,6 @@ IN_A_CASE: tuple[tuple[type, Callable[..., None]], ...] = (
     (Exporter, check_exports),
     (ConditionSource, check_source),
     (Behaviour, check_declared_arrays),
-    (Behaviour, check_distance),
     (Recorder, check_recorder),
     (Configurable, check_same_bits),
 )

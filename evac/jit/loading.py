@@ -124,7 +124,7 @@ def addresses_of(entries: Iterable[Entry], progress: Compiling | None = None) ->
 
 
 def _compile_missing(missing: list[Compilation], store: Store | None, progress: Compiling | None) -> None:
-    """Compile kernels into a store, load them, and remove old files."""
+    """Compile kernels into a store, and load them."""
     if store is None:
         warnings.warn(
             "compiled kernels cannot be cached because there is no home folder; set EVAC_CACHE_DIR to a folder",
@@ -134,8 +134,6 @@ def _compile_missing(missing: list[Compilation], store: Store | None, progress: 
     with closing(compile_tasks(missing, store, progress)) as compiled:
         for task, code in compiled:
             _load(task, code)
-    if store is not None:
-        store.prune()
 
 
 def _load(task: Compilation, code: bytes) -> None:

@@ -10,9 +10,7 @@ import hashlib
 import os
 import stat
 import tempfile
-import time
 import warnings
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,12 +19,6 @@ from evac.base.errors import CacheWarning
 
 #: First bytes of a file.
 _MAGIC = b"evac kernel 1\n"
-
-#: Age since the last use after which files are removed [s].
-UNUSED = 90 * 86400.0
-
-#: Age after which temporary files are taken as left by an interrupted process [s].
-_ABANDONED = 3600.0
 
 
 def cache_root() -> Path | None:
@@ -81,9 +73,6 @@ class Store:
         start = len(_MAGIC) + 32
         code = content[start:]
         if content[:start] == _MAGIC + _checksum(digest, code):
-            with suppress(OSError):  # a read-only folder
-                if _age(path) > 86400.0:
-                    os.utime(path)  # so that it is not removed as old
             return code
         with suppress(OSError):
             path.unlink()
@@ -123,14 +112,11 @@ class Store:
             _warned.add((self.folder, what))
             warnings.warn(message, CacheWarning, stacklevel=3)
 
-    def prune(self) -> None:
-        """Remove files not used for a long time, and files of interrupted processes."""
-        _remove(path for path in self.entries() if _age(path) > UNUSED)
-        _remove(path for path in self._files("*.part") if _age(path) > _ABANDONED)
-
     def clear(self) -> None:
-        """Remove all kernels; other files are kept."""
-        _remove([*self.entries(), *self._files("*.part")])
+        """Remove all kernels, and what interrupted processes have left of them; other files are kept."""
+        for path in [*self.entries(), *self._files("*.part")]:
+            with suppress(OSError):
+                path.unlink()
         with suppress(OSError):
             self.folder.rmdir()
 
@@ -151,17 +137,3 @@ def exposure(path: Path) -> str:
 
 def _checksum(digest: str, code: bytes) -> bytes:
     return hashlib.sha256(digest.encode() + code).digest()
-
-
-def _age(path: Path) -> float:
-    """Return the time since a file was last used [s], accurate to a day; 0 if it no longer exists."""
-    try:
-        return time.time() - path.stat().st_mtime
-    except OSError:
-        return 0.0
-
-
-def _remove(paths: Iterator[Path] | list[Path]) -> None:
-    for path in paths:
-        with suppress(OSError):
-            path.unlink()

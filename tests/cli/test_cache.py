@@ -1,8 +1,6 @@
 """evac cache, and what other commands say about kernels."""
 
 import os
-import subprocess
-import sys
 
 import pytest
 
@@ -65,12 +63,3 @@ def test_kernels_are_compiled_beforehand_and_cleared(capsys, folder, plugin):
     assert main(["cache", "clear"]) == 0
     assert _facts(capsys.readouterr().out)["compiled kernels"] == "0"
     assert not folder.exists()
-
-
-def test_a_run_whose_kernels_are_on_disk_does_not_import_numba(tmp_path, monkeypatch):
-    monkeypatch.delenv("EVAC_CACHE_DIR")
-    words = ["run", "square_room", "--set", "simulation.duration=0.1", "output.picture=false", "output.animation=false"]
-    code = f"import sys; from evac.cli import main; main({words!r}); print('numba' in sys.modules)"
-    for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "False"

@@ -75,7 +75,7 @@ BARE = ["--set", "output.picture=false", "output.animation=false", "simulation.d
         (None, (*EVERYTHING, "numpy", "pydantic", "rich", "pluggy")),
         (["list"], (*EVERYTHING, "numpy", "pydantic")),
         (["check", "square_room"], (*DRAWING, *SCIENCE, *PROCESSES)),
-        (["run", "square_room", *BARE], (*DRAWING, *SCIENCE, *PROCESSES)),
+        (["run", "square_room", *BARE], (*DRAWING, *SCIENCE, *PROCESSES, "numba")),
         (["run", "square_room", "--set", "simulation.duration=1"], (*SCIENCE, *PROCESSES, "pyvista", "vtkmodules")),
         (["check", "square.obj"], (*DRAWING, *SCIENCE, *PROCESSES, "meshio")),
     ],

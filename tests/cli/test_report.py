@@ -72,11 +72,6 @@ def repeated_from_the_bundle(evac, folder, place, status=0):
     return names
 
 
-def test_a_run_is_repeated_from_its_bundle(evac, result, tmp_path):
-    folder = shutil.copytree(result, tmp_path / "result")
-    assert "square_room.msh" in repeated_from_the_bundle(evac, folder, tmp_path / "unpacked")
-
-
 def test_all_files_of_a_run_are_in_its_bundle(evac, tmp_path):
     """Slices of FDS, the file of a storey, data of behaviours, a plugin that the case names and one that was given."""
     case, elsewhere = tmp_path / "case", tmp_path / "elsewhere"

@@ -3,7 +3,6 @@
 import json
 import os
 import random
-import shutil
 import signal
 import subprocess
 import sys
@@ -46,14 +45,6 @@ def whole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("whole")
     assert main([*WORDS, "--out", str(folder / "whole")]) == PEOPLE_LEFT
     return folder / "whole"
-
-
-def kill(folder):
-    """Leave what is left of a run into r that was killed soon after its first step."""
-    process = start(folder, *WORDS, "--out", "r")
-    wait_for(folder / "r.running" / CHECKPOINT_NAME, process)
-    process.kill()
-    process.communicate()
 
 
 def assert_same(one, other):
@@ -150,26 +141,4 @@ def test_a_second_run_into_the_same_folder_is_refused(evac, tmp_path, whole, cap
         process.send_signal(signal.SIGCONT)
     process.communicate(timeout=240)
     assert process.returncode == PEOPLE_LEFT
-    assert_same(whole, tmp_path / "r")
-
-
-def test_a_folder_that_is_removed_is_an_error_and_an_earlier_result_stays(tmp_path, whole):
-    shutil.copytree(whole, tmp_path / "r")
-    process = start(tmp_path, *WORDS, "--out", "r")
-    wait_for(tmp_path / "r.running" / CHECKPOINT_NAME, process)
-    (tmp_path / "r.running").rename(tmp_path / "away")
-    _, err = process.communicate(timeout=240)
-    assert process.returncode == 2
-    assert "r.running" in err
-    assert "removed" in err
-    assert "Traceback" not in err
-    assert (tmp_path / "r" / "summary.json").read_bytes() == (whole / "summary.json").read_bytes()
-
-
-def test_a_killed_run_leaves_an_earlier_result_and_is_replaced_by_the_next(evac, tmp_path, whole, capsys):
-    shutil.copytree(whole, tmp_path / "r")
-    kill(tmp_path)
-    assert (tmp_path / "r" / "summary.json").read_bytes() == (whole / "summary.json").read_bytes()
-    assert evac(*WORDS, "--out", "r") == PEOPLE_LEFT
-    assert "r.running" in capsys.readouterr().err
     assert_same(whole, tmp_path / "r")

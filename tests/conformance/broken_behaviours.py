@@ -46,25 +46,13 @@ class CrushReader(Slower):
             crowd.speed_factor[crowd.contact_force > 10.0] *= 0.5
 
 
-class WaitsInside(Slower):
-    """Slows down people inside for those who have left, and leaves these as they are."""
+class MovesOthers(Slower):
+    """Wants to move people who have left itself."""
 
-    reads = ("level",)
     keeps_distance = True
 
     def prepare(self, scene):
         self.outside = scene.outside
-
-    def act(self, crowd, time):
-        if (self.outside.level >= 0).any():
-            crowd.speed_factor[:] *= 0.5
-
-    def state(self):
-        return {}
-
-
-class MovesOthers(WaitsInside):
-    """Wants to move people who have left itself."""
 
     def act(self, crowd, time):
         self.outside.position[:] += 0.1
@@ -76,7 +64,6 @@ def takes_chances(self, crowd, time):
 
 
 TICK, TICKS = "scene 'the start of Twenty people", "scene '20 ticks of Twenty people"
-EXIT = "scene 'three people at an exit of Twenty people"
 
 BROKEN = [
     Broken(CrushReader, "check_declared_arrays", "scene 'a crush", "contact_force is not declared"),
@@ -88,8 +75,6 @@ BROKEN = [
         f"{TICKS}.*optional parts",
         r"changes .*; correct is_needed\(\)",
     ),
-    Broken(odd(Slower, keeps_distance=True), "check_distance", EXIT, "a person inside .*; use scene.outside"),
-    Broken(WaitsInside, "check_distance", EXIT, "who has left behind another one.*; use scene.outside"),
     Broken(MovesOthers, "check_declared_arrays", TICK, "read-only", ValueError),
     Broken(odd(Slower, act=takes_chances), "check_same_bits", f"{TICKS}.*repeated", "two runs differ"),
 ]

@@ -5,7 +5,7 @@ import pytest
 
 from evac.case.loading import load_case
 from evac.conformance import check_plugin, physics
-from evac.contract.registry import Registry, built_in
+from evac.contract.registry import Registry
 from evac.people.behaviour import Behaviour
 from evac.physics.contact.model import ContactModel
 
@@ -147,35 +147,3 @@ class Owner(Behaviour):
 
 def test_a_behaviour_with_a_field_of_its_own_conforms():
     check_plugin(Owner)
-
-
-def test_built_ins_are_named_after_what_they_are():
-    """Module kind_what, class What, name "what"; classes of forces, recorders, importers and exporters
-    add their kind.
-
-    Solvers that have kernels in common share a module, and so do importers of similar formats.
-    """
-    kinds = {
-        "conditions": REGISTRY.condition_sources,
-        "contact": REGISTRY.contact_models,
-        "force": REGISTRY.forces,
-        "behaviour": REGISTRY.behaviours,
-        "recorder": REGISTRY.recorders,
-        "import": REGISTRY.importers,
-        "export": REGISTRY.exporters,
-    }
-    for kind, table in kinds.items():
-        modules = [cls.__module__ for cls in table.values()]
-        for name, cls in table.items():
-            if cls.__module__ in built_in():
-                shared = modules.count(cls.__module__) > 1
-                assert cls.__module__ == f"evac_plugins.{kind}_{name}" or shared
-                camel = "".join(word.capitalize() for word in name.split("_"))
-                assert cls.__name__ in (
-                    camel,
-                    camel + {"import": "Importer", "export": "Exporter"}.get(kind, kind.capitalize()),
-                )
-    for name, cls in REGISTRY.solvers.items():
-        assert cls.__module__.startswith("evac_plugins.solver_")
-        assert cls.__name__ == "".join(word.capitalize() for word in name.split("_"))
-        assert cls.solve.__name__ == name

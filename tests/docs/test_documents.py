@@ -181,8 +181,8 @@ def test_python_of_the_guides_to_studies_and_the_start_runs(text, tmp_path, monk
     blocks = [*fenced(text("docs/start.md"), "python"), *fenced(text("docs/studies.md"), "python")]
     *blocks, cluster = blocks
     assert "SLURM" in cluster
-    for block in blocks:
-        exec(compile(block, "studies.md", "exec"), {})
+    for block in blocks:  # with fewer runs
+        exec(compile(block.replace(", 20, ", ", 4, ").replace("runs=5", "runs=2"), "studies.md", "exec"), {})
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[-4:]] == ["0.8", "1.0", "1.2", "1.6"]
 

@@ -2,14 +2,13 @@
 
 import os
 import stat
-import time
 from pathlib import Path
 
 import pytest
 
 from evac.base.errors import CacheWarning
 from evac.jit import store as stores
-from evac.jit.store import UNUSED, Store, cache_root
+from evac.jit.store import Store, cache_root
 
 NAME, DIGEST, CODE = "evac.some.kernel", "0123456789abcdef0123", b"machine code" * 20
 
@@ -71,26 +70,11 @@ def test_a_file_under_the_name_of_another_kernel_is_not_read(store):
         assert store.read(NAME, other) is None
 
 
-def _aged(path, age, content=b""):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
-    os.utime(path, (time.time() - age,) * 2)
-    return path
-
-
-def test_what_nothing_uses_any_more_is_removed(store):
-    gone = [
-        _aged(store.path("evac.gone", DIGEST), UNUSED + 100.0),
-        _aged(store.folder / "tmp1.part", 7200.0),
-    ]
-    kept = [
-        _aged(store.path("evac.kept", DIGEST), UNUSED - 100.0),
-        _aged(store.folder / "tmp2.part", 60.0),  # another process writes it
-        _aged(store.folder.parent / "notes" / "mine.txt", 1e9),
-    ]
-    store.prune()
-    assert [path.exists() for path in gone] == [False] * len(gone)
-    assert [path.exists() for path in kept] == [True] * len(kept)
+def test_all_kernels_are_cleared_and_nothing_else(store):
+    (store.folder / "tmp1.part").touch()
+    (store.folder / "mine.txt").touch()
+    store.clear()
+    assert [path.name for path in store.folder.iterdir()] == ["mine.txt"]
 
 
 def test_the_folder_is_chosen_by_the_environment(monkeypatch, tmp_path):

@@ -200,21 +200,17 @@ def test_every_file_of_a_run_is_written_once(tmp_path, monkeypatch):
     assert sorted(name.replace("r.running", "r") for name in replaced) == sorted(written)
 
 
-def test_a_picture_that_fails_is_warned_of_and_the_tables_take_the_place_of_earlier_ones(tmp_path, monkeypatch):
+@pytest.mark.parametrize("raised", [ValueError("no picture"), KeyboardInterrupt()])
+def test_a_picture_that_fails_or_is_interrupted_leaves_the_result_in_its_place(tmp_path, monkeypatch, raised):
     case = evac.load("square_room", {"simulation.duration": 0.1})
     run(case, tmp_path / "r")
-    monkeypatch.setattr("evac.pictures.writing.save", Mock(side_effect=ValueError("no picture")))
-    with pytest.warns(FolderWarning, match=r"egress\.png: ValueError: no picture"):
-        run(case.change({"simulation.seed": 5}), tmp_path / "r")
-    assert json.loads((tmp_path / "r" / "summary.json").read_text())["seed"] == 5
-    assert not (tmp_path / "r.running").exists()
-
-
-def test_an_interrupt_while_pictures_are_drawn_leaves_the_result_in_its_place(tmp_path, monkeypatch):
-    case = evac.load("square_room", {"simulation.duration": 0.1})
-    run(case, tmp_path / "r")
-    monkeypatch.setattr("evac.pictures.writing.save", Mock(side_effect=KeyboardInterrupt))
-    with pytest.raises(KeyboardInterrupt):
+    monkeypatch.setattr("evac.pictures.writing.save", Mock(side_effect=raised))
+    is_warned = isinstance(raised, ValueError)
+    with (
+        pytest.warns(FolderWarning, match=r"egress\.png: ValueError: no picture")
+        if is_warned
+        else pytest.raises(KeyboardInterrupt)
+    ):
         run(case.change({"simulation.seed": 5}), tmp_path / "r")
     assert json.loads((tmp_path / "r" / "summary.json").read_text())["seed"] == 5
     assert not (tmp_path / "r.running").exists()
