@@ -115,20 +115,21 @@ class Population(Saved):
             array.flags.writeable = self._is_writable
 
     @contextmanager
-    def writable(self) -> Iterator[None]:
-        """Let the arrays be written by their owners, unless recorders read them; afterwards they are read-only."""
-        if self.is_read_only or self._is_writable:
+    def writable(self, is_writable: bool = True) -> Iterator[None]:
+        """Let the arrays be written by their owners, unless recorders read them, or not; afterwards it is as before."""
+        if self.is_read_only or self._is_writable == is_writable:
             yield
             return
-        self._is_writable = True
-        for array in self._protected:
-            array.flags.writeable = True
+        self._set_writable(is_writable)
         try:
             yield
         finally:
-            self._is_writable = False
-            for array in self._protected:
-                array.flags.writeable = False
+            self._set_writable(not is_writable)
+
+    def _set_writable(self, is_writable: bool) -> None:
+        self._is_writable = is_writable
+        for array in self._protected:
+            array.flags.writeable = is_writable
 
     def check_written(self, routes: int) -> None:
         """Check what a program has written between two ticks; SimulationError names the first person."""

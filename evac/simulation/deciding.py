@@ -1,6 +1,6 @@
 """The behaviours of a run: which of them act at a tick, and what is checked of what they write."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -68,8 +68,8 @@ class Deciding(Saved):
                 self.acts[behaviour.name] = behaviour.acts_at_ticks()
         self._scene.begin()
 
-    def act(self, time: float) -> None:
-        """Reset speed factors and extra directions, then call the behaviours; after a change of the scene, all."""
+    def act(self, time: float, program: Callable[[], object] | None = None) -> None:
+        """Reset speed factors and extra directions, then call a program and behaviours; after a change, all of them."""
         changed, self.version = self._scene.version != self.version, self._scene.version
         if changed:
             self._places.assign(self._scene.fields)
@@ -98,6 +98,11 @@ class Deciding(Saved):
             self._crowd.extra_direction[:] = 0.0
         if self._outside is not None and any(behaviour.keeps_distance for behaviour, _ in acting):
             self._outside.speed_factor[:] = 1.0
+        if program is not None:
+            with self._population.writable(False):
+                program()
+            self._population.check_written(len(self._scene.fields.routes))
+            self.held[:] = self._crowd.speed_factor == 0.0
         for behaviour, scene in self.used if self._is_full else acting:
             with plugin_code(f"t = {time:.3f} s: behaviour {behaviour.name!r}", behaviour, DECLARE):
                 behaviour.act(scene.crowd, time)

@@ -39,6 +39,7 @@ class Loop:
         self._steps_per_record *= self._settings.steps_per_tick
         self._before = simulation.population.crowd.position.copy()
         self._end, self._is_output = 0, False
+        self._act: Callable[[], object] | None = None
         record = partial(simulation.recording.record, simulation)
         self.operations = [
             Operation("changes", "behaviours", self._change, begin=simulation.population.protect),
@@ -62,9 +63,10 @@ class Loop:
                     begin, operation.begin = operation.begin, None
                     begin()
 
-    def advance(self) -> None:
-        """Make a tick."""
+    def advance(self, act: Callable[[], object] | None = None) -> None:
+        """Make a tick, in which a program may `act` before the behaviours."""
         self.begin()
+        self._act = act
         simulation, settings = self._simulation, self._settings
         self._end = min(simulation.step + settings.steps_per_tick, settings.last_step)
         self._is_output = self._end % self._steps_per_record == 0
@@ -106,7 +108,7 @@ class Loop:
         simulation = self._simulation
         if has_changed := simulation.deciding.version != simulation.scene.version:
             simulation.ending.begin_anew()
-        simulation.deciding.act(simulation.time)
+        simulation.deciding.act(simulation.time, self._act)
         if simulation.lifts is not None:
             simulation.lifts.steer()
         if has_changed or not simulation.step:

@@ -140,6 +140,8 @@ class Simulation(Saved):
     ) -> None:
         check_types(folder=(folder, PATH | None), full=(full, bool), workers=(workers, Integral | None))
         check_types(in_memory=(in_memory, bool), compiling=(compiling, Callable | None), routes=(routes, Sequence))
+        for route in routes:
+            check_types(routes=(route, Route))
         self.case = case = run_plugin_files(as_case(case))
         self.registry: Registry = case.registry
         self.folder, self.full = None if folder is None else Path(folder), full
@@ -314,16 +316,23 @@ class Simulation(Saved):
                 self.recording.finish(self, self.registry, results, error)
         return replace(results, phases=self.phases.seconds(), recorded=self.recording.in_memory())
 
-    def advance_tick(self) -> None:
+    def advance_tick(self, act: Callable[[], object] | None = None) -> None:
         """Advance by one tick: everything in ``loop.operations``, in order; `ended` is set after the last tick.
+
+        Parameters
+        ----------
+        act : callable
+            Called without arguments when the behaviours act, before the first of them: what it does has the bits of a
+            behaviour that does it.
 
         Raises
         ------
         SimulationError, PluginError
             As `run`; a program has written what no person can have.
         """
+        check_types(act=(act, Callable | None))
         self.population.check_written(len(self.fields.routes))
-        self.loop.advance()
+        self.loop.advance(act)
 
     def let_in(self) -> None:
         """Place the people whose arrival time has come, or who were added, as far as there is room for them."""

@@ -90,6 +90,17 @@ def test_a_program_has_the_bits_of_a_behaviour_that_does_the_same(stepped):
     np.testing.assert_array_equal(results.start_position, stepped.start_position)
 
 
+def test_a_program_that_acts_when_behaviours_do_has_their_bits_where_ways_follow_the_crowd():
+    ways = {"directions": {"quickest": {"period": 0.5}}}  # found again at the ticks of `do`, before behaviours act
+    simulation = evac.Simulation(case(behaviours={"walking": {}}, **ways), routes=[WEST, NICHE])
+    while not simulation.ended:
+        simulation.advance_tick(lambda: do(simulation.scene, simulation.time))
+    behaving = evac.Simulation(case(behaviours={"same": {}, "walking": {}}, **ways))
+    behaving.run()
+    for name, array in behaving.population.crowd.values().items():
+        np.testing.assert_array_equal(getattr(simulation.population.crowd, name), array, err_msg=name)
+
+
 def test_people_who_are_added_removed_and_sent_are_counted(stepped):
     results, crowd = stepped.results(), stepped.population.crowd
     late = next(group.rows for group in stepped.population.groups if group.name == "late")
@@ -171,6 +182,8 @@ def test_what_is_written_between_ticks_is_heeded_or_refused():
     assert np.abs(crowd.position - before).max() < 1.0
     simulation.stop()
     assert simulation.results().ended == "interrupted"
+    with pytest.raises(ValueError, match="read-only"):
+        simulation.advance_tick(lambda: crowd.speed_factor.fill(0.5))
 
 
 @pytest.mark.parametrize(
