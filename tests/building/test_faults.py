@@ -3,6 +3,7 @@
 import copy
 import tomllib
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -292,3 +293,98 @@ def test_the_remedy_of_a_shaft_is_tried_once_for_all_its_storeys(monkeypatch):
         findings = [one for one in plan.building().findings if one.item == "shafts.up"]
         assert [one.level for one in findings] == [f"{k}" for k in range(1, storeys)]
     assert drawn[2] == drawn[5] > 1
+
+
+#: Changes that spoil the house below, and the key and the remedy of the error that each makes.
+SPOILED = [
+    ("doors", {"storey": None}, "doors.inner", 'storey = "low"'),
+    ("doors", {"storey": 3}, "doors.inner", 'storey = "low"'),
+    ("doors", {"name": None}, "doors.0", 'name = "door"'),
+    ("doors", {"segment": [[4.4, 4]]}, "doors.inner", "segment = [[4.4, 4], [5.3, 4]]"),
+    ("doors", {"segment": {"rooms": ["office"]}}, "doors.inner", 'rooms = ["office", "hall"]'),
+    ("doors", {"segment": {"rooms": ["office", "hall"], "with": 1.0}}, "doors.inner", "width = 1.0"),
+    ("doors", {"control": {"evry": 2.0}}, "doors.inner", "control = { every = 2.0 }"),
+    ("doors", {"outside": "exits"}, "doors.inner", 'outside = "exit"'),
+    ("rooms", {"name": None}, "rooms.0", 'name = "office"'),
+    ("rooms", {"storey": "lo"}, "rooms.office", 'storey = "low"'),
+    ("rooms", {"people": "12"}, "rooms.office", "people = 12"),
+    ("rooms", {"people": -3}, "rooms.office", "people = 3"),
+    ("areas", {"name": "office"}, "areas.office", 'name = "office (2)"'),
+    ("areas", {"polygon": {"rooms": ["offce"]}}, "areas.start", 'polygon = { rooms = ["office"] }'),
+    ("areas", {"polygon": {"rooms": ["office"], "inset": 9.0}}, "areas.start", 'polygon = { rooms = ["office"] }'),
+    ("areas", {"polygon": [[60, 1], [62, 1], [62, 3], [60, 3]]}, "areas.start", "polygon = [[10"),
+    ("shafts", {"direction": None}, "shafts.up", "direction = [0, 1]"),
+    ("shafts", {"turn": "rigth"}, "shafts.up", 'turn = "right"'),
+    ("shafts", {"kind": "spiral"}, "shafts.up", 'kind = "dog-leg"'),
+    ("shafts", {"upper": "low"}, "shafts.up", 'upper = "high"'),
+    ("shafts", {"lower": None}, "shafts.up", 'lower = "low"'),
+    ("exits", {"segment": {"rooms": ["hall"], "side": 9}}, "exits.out", "side = 0, width = 0.9"),
+    ("lifts", {"storeys": ["low", "hgh"]}, "lifts.lift", 'storeys = ["low", "high"]'),
+    ("lifts", {"door": [[4, 12.5], [5, 12.5]]}, "lifts.lift", "door = [[4.0, 10.2], [5.0, 10.2]]"),
+    ("lifts", {"operation": {"sped": 2.0}}, "lifts.lift", "operation = { speed = 2.0 }"),
+    ("storeys", {"name": None}, "storeys.0", 'name = "low"'),
+    ("storeys", {"height": 0.5}, "storeys.low", "z = 0.5"),
+]
+
+
+def house():
+    """Return the table of a house with two storeys and an item of most kinds."""
+    plan = Plan()
+    plan.storey("low", wall=0.2)
+    plan.room("office", "low", box(0, 0, 12, 4), people=3)
+    plan.room("hall", "low", box(0, 4, 12, 10))
+    plan.storey("high", z=3.0, like="low")
+    plan.door("inner", "low", {"rooms": ["office", "hall"], "width": 0.9})
+    plan.area("start", "low", {"rooms": ["office"], "inset": 0.5})
+    plan.exit("out", "low", {"rooms": ["hall"], "side": 1, "width": 1.2})
+    plan.lift("lift", ["low", "high"], box(3.5, 10.2, 5.5, 12.0), [(4.0, 10.2), (5.0, 10.2)])
+    plan.shaft("up", "low", "high", foot=(8, 5), width=1.2, direction=(0, 1), length=2.7, turn="right")
+    table = copy.deepcopy(table_of(plan))
+    table["shafts"][0] |= {"foot": [8, 5], "width": 1.2}
+    del table["shafts"][0]["lower_edge"], table["storeys"][0]["z"]
+    return table
+
+
+@pytest.mark.parametrize(("section", "change", "item", "remedy"), SPOILED)
+def test_a_remedy_keeps_what_is_meant(section, change, item, remedy):
+    table = house()
+    row = table[section][0]
+    for key, value in change.items():
+        row[key] = value
+        if value is None:
+            del row[key]
+    errors = [one for one in errors_of(table) if one.kind == "error"]
+    assert {one.item for one in errors} == {item}
+    assert remedy in errors[0].remedy
+    name = row.get("name", "0")
+    for error in errors:
+        row["name"] = name
+        mend(table, replace(error, item=f"{section}.{name}"))
+        name = row["name"]
+    assert [one for one in errors_of(table) if one.kind == "error"] == []
+
+
+def test_a_storey_at_the_height_of_another_is_told_with_its_height():
+    table = house()
+    table["storeys"] += [{"name": "third", "z": 6.0, "like": "low"}]
+    del table["storeys"][1]["z"]
+    errors = [(one.item, one.remedy) for one in errors_of(table) if one.kind == "error"]
+    assert errors == [("storeys.high", "z = 3")]
+
+
+def test_keys_of_the_file_are_renamed_and_lists_are_written_as_lists():
+    table = house() | {"headroom": "2.5"}
+    table["dors"], table["exits"] = table.pop("doors"), table["exits"][0]
+    errors = [(one.item, one.remedy) for one in errors_of(table) if one.kind == "error"]
+    assert errors == [
+        ("dors", "rename it to doors"),
+        ("headroom", "headroom = 2.5"),
+        ("exits", "write it as [[exits]]"),
+    ]
+
+
+def test_a_room_that_others_need_is_not_to_be_removed():
+    table = house()
+    table["rooms"][0]["polygon"] = 5
+    errors = [one for one in errors_of(table) if one.kind == "error"]
+    assert [(one.item, one.remedy) for one in errors] == [("rooms.office", "")]

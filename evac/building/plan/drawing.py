@@ -44,7 +44,7 @@ from evac.building.plan.outlines import (
     written,
 )
 from evac.building.plan.plan import Item, LiftItem, Stair
-from evac.building.plan.rooms import check_storey, expanded, key_of, originals, with_originals
+from evac.building.plan.rooms import check_storey, expanded, key_of, originals, with_known_storeys
 from evac.building.surface.surfacemesh import Height, SurfaceMesh
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class Drawing:
 
     def __init__(self, plan: "Plan") -> None:
         self.errors: list[Finding] = []
-        self.given = with_originals(plan, self.errors)
+        self.given = with_known_storeys(plan, self.errors)
         self.declared, self.plan = {*plan.storeys, *plan.refused}, expanded(self.given, self.errors)
         self.findings = [finding for finding in plan.findings if finding.kind != "error"]
         self.floors: dict[str, BaseGeometry] = {}
@@ -94,6 +94,7 @@ class Drawing:
         plan = self.plan
         if not self.declared:
             self.errors.append(Finding("error", "the plan has no storey; add at least one with its polygons"))
+        self._leave_out_misplaced()
         for section in ("doors", "exits", "openings", "areas", "obstacles"):
             setattr(plan, section, [item for item in getattr(plan, section) if self._is_on_storey(section, item)])
         for name in plan.storeys:
@@ -111,7 +112,11 @@ class Drawing:
         self._part_exits()
         for item in plan.openings:
             assert item.segment is not None
-            self.openings += [(item.storey, piece) for piece in _on_outline(self.floors[item.storey], item.segment)]
+            own = _on_outline(self.floors[item.storey], item.segment)
+            self.openings += [(item.storey, piece) for piece in own]
+            if not len(own):
+                text = f"opening {item.name!r} is not on the outline of the floor"
+                self._find("left out", text, item.storey, item.segment, key_of("openings", item), "remove it")
         self._find_areas_beside_floors()
         surfaces: list[Drawn] = [*self._ground(), *cars, *(drawn for drawn in obstacles if drawn is not None)]
         if not surfaces:
@@ -159,6 +164,27 @@ class Drawing:
                 kind = "warning" if rest.area > MOST_BESIDE * outline.area else "left out"
                 text = f"{rest.area:.2f} of the {outline.area:.2f} m2 of area {item.name!r} are not on the floor"
                 self._find(kind, text, item.storey, rest, key_of("areas", item))
+
+    def _leave_out_misplaced(self) -> None:
+        """Leave out storeys that are at the height of others and above their ground, as those without a height."""
+        storeys, right = self.plan.storeys, dict[str, float]()
+        for name, storey in storeys.items():
+            level = [united(storeys[one].polygons) for one, z in right.items() if z == storey.z]
+            if level and common(united(storey.polygons), united(level)).area > LEAST_REPORTED:
+                continue
+            right[name] = storey.z
+        names = [*storeys]
+        for row, name in enumerate(names):
+            if name in right:
+                continue
+            before = right[names[row - 1]]
+            above = next((k for k in range(row, len(names)) if right.get(names[k], before) > before), None)
+            step = 3.0 if above is None else (right[names[above]] - before) / (above - row + 1)
+            z, own = right.setdefault(name, round(before + step, 3)), storeys[name].z
+            text = f"storey {name!r} is at the height of another one, z = {own:g}, and lies on it"
+            place = place_of(storeys[name].polygons[0])
+            self.errors.append(Finding("error", text, name, place, f"storeys.{name}", f"z = {z:g}"))
+            del storeys[name]
 
     def _make_floor(self, name: str) -> None:
         """Make the floor of a storey: join its polygons, or put walls between them."""
@@ -307,6 +333,8 @@ class Drawing:
         for name in lift.storeys:
             with noting(self.errors, f"lift {lift.name!r}", f"lifts.{lift.name}", name, lift.polygon):
                 check_storey(self.declared, name)
+                if name not in self.floors:
+                    continue
                 for other in self.plan.lifts[: self.plan.lifts.index(lift)]:
                     if name in other.storeys and common(other.polygon, lift.polygon).area > 0.0:
                         raise ValueError(f"it overlaps lift {other.name!r} on storey {name!r}; move one of them")

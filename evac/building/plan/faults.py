@@ -1,8 +1,7 @@
 """The surface and the building of a plan, or all its errors in one pass, with remedies that have been tried out."""
 
 import copy
-import difflib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,31 +10,22 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.base.arrays import FloatArray
-from evac.base.defaults import DOOR_REACH
 from evac.base.errors import BuildingError
-from evac.base.toml import toml_lines
-from evac.building.geometry import between_floors, rounded, segment_lengths, sides
 from evac.building.model.building import Building
 from evac.building.model.findings import OWN, Finding, keyed, refusal
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.drawing import Drawing
 from evac.building.plan.plan import Item, Plan
 from evac.building.plan.plantable import table_of
+from evac.building.plan.remedies import changes_of_drawn, names_like, remedy_of
 from evac.building.plan.rooms import key_of, originals
 from evac.building.surface.build import build_building
 from evac.building.surface.surfacemesh import SurfaceMesh
 
-#: Number of walls at which a door or an exit is tried, the nearest first.
-MOST_WALLS = 3
 #: Sections of a plan for whose items remedies are tried.
-MENDED = ("rooms", "stairs", "shafts", "doors", "exits", "openings", "areas", "obstacles")
+MENDED = ("rooms", "stairs", "shafts", "doors", "exits", "openings", "areas", "obstacles", "lifts")
 #: Distance from a segment within which a trial has the rooms and doors of its storey [m]: all take longer.
 NEARBY = 10.0
-#: Least width of a door [m], and its least distance from the corner of a room.
-LEAST_WIDTH, JAMB = 0.5, 0.05
-#: Width that is tried of a door that is too wide for its wall [m].
-USUAL_WIDTH = 0.9
 
 
 def draw(plan: Plan) -> SurfaceMesh:
@@ -76,6 +66,10 @@ class _Drawn:
 
     def refused(self, errors: Sequence[Finding], building: Building | None = None) -> BuildingError:
         """Return one error with all errors, their remedies, and the building of what is right in the plan."""
+        plan = self.drawing.plan
+        if self.drawing.declared - {*plan.storeys}:  # stairs of flights and landings do not lead to what is left out
+            loose = {f"stairs.{stair}" for stair, *_ in plan.pieces}
+            errors = [one for one in errors if not (one.item or "").startswith((*loose,))]
         wrong = {error.item for error in errors}
         doors = [door for door in self.drawing.plan.doors if key_of("doors", door) not in wrong]
         error = refusal(self.source, self._with_remedies(errors, doors))
@@ -111,11 +105,11 @@ class _Drawn:
         A change that leads to an error of a kind that is known is no way. Other errors of an item are found after those
         of the names in it, also if nothing mends them.
         """
-        names, later = _names(self.plan, self.drawing, row), list[tuple[dict[str, Any], Finding]]()
-        for change in [*names, *_changes(self.plan, self.drawing, section, row, error.text)]:
-            again = self._tried(section, {**row, **change}, doors)
+        names, later = names_like(self.plan, self.drawing, row), list[tuple[dict[str, Any], Finding]]()
+        for change in [*names, *changes_of_drawn(self.plan, self.drawing, section, row, error.text)]:
+            again = self._tried(section, str(error.item).partition(".")[2], {**row, **change}, doors)
             if again is None:
-                return [replace(error, remedy="\n".join(toml_lines(change)))]
+                return [replace(error, remedy=remedy_of(row, {**row, **change}))]
             if again.kind == error.kind == "error" and again.item == error.item and _kind_of(again) not in known:
                 later.append((change, again))
         found: list[Finding] = []
@@ -123,13 +117,13 @@ class _Drawn:
             further = self._chain(again, section, {**row, **change}, doors, known | {_kind_of(again)})
             is_mended = further[-1].remedy != "remove it"
             if is_mended or (change in names and not found):
-                found = [replace(error, remedy="\n".join(toml_lines(change))), *further]
+                found = [replace(error, remedy=remedy_of(row, {**row, **change})), *further]
             if is_mended:
                 break
         return found or [replace(error, remedy="remove it" if error.kind == "error" else "")]
 
-    def _tried(self, section: str, row: Mapping[str, Any], doors: list[Item]) -> Finding | None:
-        """Return the error or warning of an item that is added to the rest of the plan with some doors.
+    def _tried(self, section: str, name: str, row: Mapping[str, Any], doors: list[Item]) -> Finding | None:
+        """Return the error or warning of an item, by its name, that is added to the rest of a plan with some doors.
 
         A door without one is added to these doors.
         """
@@ -144,16 +138,18 @@ class _Drawn:
             return around is None or bool(shape.intersects(around))
 
         near = {row[key] for key in ("storey", "lower", "upper") if key in row}
-        if section != "shafts":
+        if section not in ("shafts", "lifts"):
             near.update(*(originals(rest, name) for name in near.intersection(rest.storeys)))
             grounds = {name: tuple(filter(is_near, one.polygons)) for name, one in rest.storeys.items() if name in near}
             trial.storeys = {name: replace(rest.storeys[name], polygons=own) for name, own in grounds.items()}
         items: dict[str, list[Any]] = {
             "rooms": [room for room in rest.rooms if is_near(room.outline)],
             "obstacles": rest.obstacles,
+            "areas": rest.areas if section == "areas" else [],
         }
+        trial.lifts = [lift for lift in rest.lifts if section == "lifts" and lift.name != name]
         for kind, own in items.items():
-            others = [item for item in own if (kind, item.name) != (section, row["name"])]
+            others = [item for item in own if (kind, item.name) != (section, name)]
             setattr(trial, kind, [item for item in others if item.storey in trial.storeys])
         try:
             getattr(trial, section.removesuffix("s"))(**row)
@@ -208,69 +204,3 @@ def _built(
 def _kind_of(error: Finding) -> str:
     """Return the text of an error without names, numbers and places."""
     return OWN.sub("", error.text)
-
-
-def _names(plan: Plan, drawing: Drawing, row: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return changes of an item to storeys and rooms that exist, with names like those that do not."""
-    found: list[dict[str, Any]] = []
-    for key in ("storey", "lower", "upper"):
-        if key in row and row[key] not in plan.storeys:
-            found += [{key: close} for close in difflib.get_close_matches(row[key], plan.storeys, 2, 0.5)]
-    segment = row.get("segment")
-    if isinstance(segment, Mapping):
-        own = [room.name for room in drawing.plan.rooms if room.storey == row["storey"]]
-        closest = [(difflib.get_close_matches(name, own, 1, 0.5) or [name])[0] for name in segment["rooms"]]
-        if closest != [*segment["rooms"]]:
-            found.append({"segment": {**segment, "rooms": closest}})
-    return found
-
-
-def _changes(plan: Plan, drawing: Drawing, section: str, row: Mapping[str, Any], text: str) -> Iterable[dict[str, Any]]:
-    """Yield changes of an item that may remove its error, the most likely first."""
-    segment = row.get("segment")
-    if isinstance(segment, Mapping):
-        yield {"segment": {key: value for key, value in segment.items() if key != "at"}}
-        in_the_middle = {key: value for key, value in segment.items() if key not in ("at", "width")}
-        yield from ({"segment": one} for one in (in_the_middle, {**in_the_middle, "width": USUAL_WIDTH}))
-    elif segment is not None and row["storey"] in drawing.rooms and np.shape(segment) == (2, 2):
-        if section == "doors" and "one side" in text:
-            yield {"outside": "exit"}
-        yield from ({"segment": ends} for ends in _on_walls(drawing, section, row["storey"], np.array(segment)))
-    elif section == "areas":
-        yield from ({"storey": name} for name in plan.storeys)
-    elif section in ("stairs", "shafts"):
-        yield from _other_ways(row)
-
-
-def _on_walls(drawing: Drawing, section: str, storey: str, ends: FloatArray) -> Iterable[list[list[float]]]:
-    """Yield segments on the nearest walls between two rooms for a door, or to the outside for an exit."""
-    floor = drawing.rooms[storey]
-    walls = sides(floor)
-    walls = walls[segment_lengths(walls) > LEAST_WIDTH + 2 * JAMB]
-    walls = walls[between_floors(floor, walls, DOOR_REACH) == (section == "doors")]
-    start, length = walls[:, :2], segment_lengths(walls)
-    step = (walls[:, 2:] - start) / length[:, None]
-    half = np.minimum(np.hypot(*(ends[1] - ends[0])), length - 2 * JAMB) / 2
-    at = ((ends.mean(axis=0) - start) * step).sum(axis=1).clip(half + JAMB, length - half - JAMB)
-    off = np.hypot(*(start + at[:, None] * step - ends.mean(axis=0)).T)
-    span = ends[1] - ends[0]
-    off += (np.hypot(*span) - np.abs(step @ span)) / 2  # rather along its own wall than around a corner
-    for row in np.argsort(off, kind="stable")[:MOST_WALLS]:
-        reach = np.outer([at[row] - half[row], at[row] + half[row]], step[row])
-        yield rounded(start[row] + reach).tolist()
-
-
-def _other_ways(row: Mapping[str, Any]) -> Iterable[dict[str, Any]]:
-    """Yield other directions, turns, ends and lengths of a stair."""
-    turn: dict[str, Any] | None = {"turn": "left" if row.get("turn") == "right" else "right"} if "turn" in row else None
-    back = {"direction": [-value for value in row["direction"]]} if "direction" in row else None
-    yield from (change for change in (turn, back, turn and back and {**turn, **back}) if change)
-    yield {"lower": row["upper"], "upper": row["lower"]}
-    if "length" in row:
-        yield from ({"length": round(factor * row["length"], 2)} for factor in (1.25, 1.5, 2.0, 3.0, 4.0, 6.0))
-    if "rise" in row:
-        yield {"going": round(2.0 * row["rise"], 3)}
-    if "landing" in row:
-        yield {"landing": 1.2}
-        if row.get("landings", 1) > 1:
-            yield {"landings": 1}

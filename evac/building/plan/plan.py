@@ -1,5 +1,6 @@
 """Plans: a building given storey by storey as polygons, with stairs, doors, exits, areas and obstacles."""
 
+import copy
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -773,6 +774,13 @@ class Plan:
         if value < least:
             raise BuildingError(f"{self.source}: {what}: {key} must be at least {least:g}, not {value:g}")
         return float(value)
+
+
+def copied(plan: Plan) -> Plan:
+    """Return a plan with the same content, to which more can be added."""
+    own = copy.copy(plan)
+    vars(own).update({name: copy.copy(value) for name, value in vars(plan).items()})
+    return own
 
 
 def _along(edge: FloatArray) -> FloatArray:

@@ -1,13 +1,10 @@
 """Plans as tables, as in plan files and ``[building.plan]`` of a case, and plans of existing buildings."""
 
-import copy
-import difflib
 import inspect
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,20 +18,23 @@ from evac.base.parameters import did_you_mean
 from evac.base.toml import toml_lines, toml_value
 from evac.building.model.building import Building, Level
 from evac.building.model.findings import Finding, refusal
+from evac.building.plan.drawing import Drawing
 from evac.building.plan.outlines import from_wkt, is_point
-from evac.building.plan.plan import OUTSIDE, Item, Plan, Stair, Storey
+from evac.building.plan.plan import OUTSIDE, Item, Plan, Stair, Storey, copied
+from evac.building.plan.remedies import TEXTS, changes_of_refused, keys_of, remedy_of, values_like
+from evac.building.plan.rooms import close_to
 from evac.building.plan.stairs import LEVEL
 from evac.building.surface.patches import patches_of
 
 #: Keys that are arguments of `Plan`.
 NUMBERS = ("headroom", "north")
-#: Rise and going of the steps of a stair that states none [m].
-USUAL = {"rise": 0.17, "going": 0.29}
 #: Lists of tables; the keys of a table are the arguments of the method of `Plan` with the name in the singular.
 SECTIONS = (
     *("storeys", "rooms", "stairs", "shafts", "flights", "landings"),
     *("doors", "exits", "openings", "areas", "obstacles", "lifts"),
 )
+#: Those that are pieces of stairs.
+PIECES = ("flights", "landings")
 
 
 def read_table(path: Path) -> dict[str, Any]:
@@ -48,21 +48,29 @@ def read_table(path: Path) -> dict[str, Any]:
 
 def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = "") -> Plan:
     """Return the plan of a table, as a plan file in `folder` has; `prefix` is that of its keys in messages."""
-    plan, errors = Plan(source, **{key: table[key] for key in NUMBERS if key in table}), list[Finding]()
-    for key in table:
+    errors, table = list[Finding](), dict(table)
+    for key in [*table]:
         if key not in (*NUMBERS, *SECTIONS):
             text = f"{prefix}{key}: unknown key; {did_you_mean(key, [*NUMBERS, *SECTIONS])}"
-            errors.append(Finding("error", text, item=key, remedy="remove it"))
+            close = close_to(key, [one for one in (*NUMBERS, *SECTIONS) if one not in table])
+            table |= {one: table[key] for one in close}
+            errors.append(Finding("error", text, item=key, remedy=f"rename it to {close[0]}" if close else "remove it"))
+    plan = Plan(source)
+    for key in NUMBERS:
+        if key in table:
+            errors += _set(plan, key, table[key], prefix)
     for section in SECTIONS:
         items = table.get(section, [])
         if not isinstance(items, list):
+            remedy = f"write it as [[{section}]]" if isinstance(items, Mapping) else "remove it"
             text = f"{prefix}{section} must be a list of tables: [[{section}]]"
-            errors.append(Finding("error", text, item=section, remedy="remove it"))
-            continue
+            errors.append(Finding("error", text, item=section, remedy=remedy))
+            items = [items] if isinstance(items, Mapping) else []
         for index, item in enumerate(items):
-            errors += _added(plan, section, index, item, folder, prefix)
+            errors += _added(plan, table, section, index, item, folder, prefix)
     if not errors:
         return plan
+    plan.pieces = [piece for piece in plan.pieces if piece[0] not in plan.refused]
     refused = refusal(source, errors)
     if not plan.files:  # these are read later, with all that is on their storeys
         try:
@@ -73,55 +81,84 @@ def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = 
     raise refused
 
 
+def _set(plan: Plan, key: str, value: Any, prefix: str) -> list[Finding]:
+    """Set a number of a plan, or that which is meant; return the errors."""
+    for given in (value, *values_like(key, value)):
+        try:
+            setattr(plan, key, getattr(Plan(plan.source, **{key: given}), key))
+        except BuildingError as error:
+            text = f"{prefix}{key}: {str(error).removeprefix(f'{plan.source}: plan: {key} ')}"
+            continue
+        return [] if given is value else [Finding("error", text, item=key, remedy=f"{key} = {toml_value(given)}")]
+    return [Finding("error", text, item=key, remedy="remove it")]
+
+
 def _name(index: int, item: Any) -> str:
-    return escaped(f"{item['name'] if isinstance(item, Mapping) and 'name' in item else index}")
+    return escaped(f"{(isinstance(item, Mapping) and item.get('name')) or index}")
 
 
 def _add(plan: Plan, section: str, index: int, item: Any, folder: Path, prefix: str = "") -> None:
     """Add an item to a plan."""
     add = getattr(plan, section.removesuffix("s"))
-    _check_keys(f"{plan.source}: {prefix}{section}.{_name(index, item)}", item, _known(section))
+    _check_keys(f"{plan.source}: {prefix}{section}.{_name(index, item)}", item, keys_of(section))
     values = dict(item)
     if section == "storeys" and isinstance(values.get("file"), str):
         values["file"] = folder / values["file"]
     add(**values)
 
 
-def _added(plan: Plan, section: str, index: int, item: Any, folder: Path, prefix: str) -> list[Finding]:
+def _added(
+    plan: Plan, table: Mapping[str, Any], section: str, index: int, item: Any, folder: Path, prefix: str
+) -> list[Finding]:
     """Add an item to a plan, as it is or with the remedies of its errors, which have been tried; return the errors."""
 
-    def refusal_of(row: Mapping[str, Any]) -> str | None:
-        trial = copy.copy(plan)
-        vars(trial).update({name: copy.copy(value) for name, value in vars(plan).items()})
+    def refusal_of(row: Mapping[str, Any], trial: Plan) -> str | None:
         try:
             _add(trial, section, index, row, folder, prefix)
         except BuildingError as error:
             return str(error).removeprefix(f"{plan.source}: ")
         return None
 
+    def misfits(row: Mapping[str, Any]) -> tuple[int, int]:
+        """Return how many errors a row has on the storeys and rooms of the plan, and how many findings there are."""
+        trial = copied(plan)
+        for others in SECTIONS[2:]:
+            getattr(trial, "pieces" if others in PIECES else others).clear()
+        refusal_of(row, trial)
+        drawing = Drawing(trial)
+        drawing.mesh()
+        return len(drawing.errors), len(drawing.findings)
+
     def mended(row: Mapping[str, Any], text: str, most: int = 3) -> tuple[list[tuple[str, str]], Mapping[str, Any]]:
         """Return the errors of a row with their remedies, each of which removes one, and the row without them."""
-        changes = [(refusal_of(changed), changed, remedy) for changed, remedy in _changed(plan, section, row)]
-        for again, changed, remedy in sorted(changes, key=lambda change: change[0] is not None):
+        changes: list[tuple[str | None, Mapping[str, Any]]] = []
+        for alike in changes_of_refused(plan, section, row, unknown):
+            tried = [(refusal_of(changed, copied(plan)), changed) for changed in alike]
+            if len(fitting := [changed for again, changed in tried if again is None]) > 1 and section != "storeys":
+                tried = [(None, min(fitting, key=misfits))]
+            changes += tried
+        for again, changed in sorted(changes, key=lambda change: change[0] is not None):
             if again is None:
-                return [(text, remedy)], changed
+                return [(text, remedy_of(row, changed))], changed
             if again != text and most > 1:
                 further, right = mended(changed, again, most - 1)
                 if further[-1][1]:
-                    return [(text, remedy), *further], right
+                    return [(text, remedy_of(row, changed)), *further], right
         return [(text, "")], row
 
-    try:
-        _add(plan, section, index, item, folder, prefix)
+    refused = refusal_of(item, plan)
+    if refused is None:
         return []
-    except BuildingError as error:
-        refused = str(error).removeprefix(f"{plan.source}: ")
+    given = [row.get("name") for row in table[section] if isinstance(row, Mapping)]
+    unknown = [name for name in _used(table, section, item) if name not in given]
     found, right = mended(item, refused) if isinstance(item, Mapping) else ([(refused, "")], {})
     key = f"{section}.{_name(index, item)}"
-    if found[-1][1] and (section != "storeys" or item.keys() - right.keys() <= item.keys() - _known(section)):
+    if found[-1][1]:
         _add(plan, section, index, right, folder, prefix)
     elif section in ("storeys", "rooms"):
-        plan.refused.add(str(right.get("name")))
+        plan.refused.update([str(right["name"])] if "name" in right else unknown)
+    elif section in PIECES:  # without which the others of its stair lead nowhere
+        plan.refused.update([str(right["stair"])] if "stair" in right else unknown)
     names = [right.get(one) for one in (["name"] if section == "storeys" else ["storey", "lower"])]
     storey, place = next((one for one in names if isinstance(one, str)), None), None
     for shape in ("segment", "polygon", "lower_edge", "foot"):
@@ -130,33 +167,26 @@ def _added(plan: Plan, section: str, index: int, item: Any, folder: Path, prefix
             corners = shapely.get_coordinates(from_wkt(given)) if isinstance(given, str) else np.reshape(given, (-1, 2))
             x, y = corners.mean(axis=0)
             place = (float(x), float(y))
-    return [Finding("error", text, storey, place, key, remedy or "remove it") for text, remedy in found]
+    last = "" if plan.refused.intersection(_used(table, section, item)) else "remove it"
+    return [Finding("error", text, storey, place, key, remedy or last) for text, remedy in found]
 
 
-@cache
-def _known(section: str) -> dict[str, inspect.Parameter]:
-    """Return the keys of the items of a section."""
-    parameters = inspect.signature(getattr(Plan, section.removesuffix("s"))).parameters
-    return {key: parameter for key, parameter in parameters.items() if key != "self"}
-
-
-def _changed(plan: Plan, section: str, row: Mapping[str, Any]) -> Iterator[tuple[Mapping[str, Any], str]]:
-    """Yield a row with one key renamed, removed or added, and the remedy that this is."""
-    known = _known(section)
-    for wrong in (key for key in row if key not in known):
-        for close in difflib.get_close_matches(wrong, known.keys() - row.keys(), 1, 0.5):
-            renamed = {close if key == wrong else key: value for key, value in row.items()}
-            yield renamed, f"{close} = {toml_value(row[wrong])}\nremove {wrong}"
-    for wrong in row:
-        if wrong not in known or (wrong != "name" and known[wrong].default is not inspect.Parameter.empty):
-            yield {key: value for key, value in row.items() if key != wrong}, f"remove {wrong}"
-    added = [USUAL, {"going": USUAL["going"]}, {"width": 1.2}] if section == "shafts" else []
-    ends = [one for one in plan.storeys.values() if one.name in (row.get("lower"), row.get("upper"))]
-    if section == "stairs" and len(ends) == 2:
-        slope = USUAL["going"] / USUAL["rise"] / (2.0 if "turn" in row else 1.0)
-        added = [{"length": round(abs(ends[0].z - ends[1].z) * slope, 2)}]
-    for more in (one for one in added if not one.keys() & row.keys()):
-        yield {**row, **more}, "\n".join(f"{key} = {value:g}" for key, value in more.items())
+def _used(table: Mapping[str, Any], section: str, item: Any) -> list[str]:
+    """Return the names of storeys, of rooms of the storey of an item, or of stairs of pieces, that items use."""
+    rows = [
+        row for own in SECTIONS if isinstance(table.get(own), list) for row in table[own] if isinstance(row, Mapping)
+    ]
+    used: list[Any] = []
+    if section == "storeys":
+        used = [row.get(key) for row in rows for key in ("storey", "lower", "upper", "like")]
+    elif section == "rooms":
+        storey = item.get("storey") if isinstance(item, Mapping) else None
+        rows = [row for row in rows if storey in (None, row.get("storey"))]
+        ties = [row[key] for row in rows for key in ("segment", "polygon") if isinstance(row.get(key), Mapping)]
+        used = [name for tie in ties if isinstance(tie.get("rooms"), list) for name in tie["rooms"]]
+    elif section in PIECES:
+        used = [row.get("stair") for row in rows]
+    return [*dict.fromkeys(one for one in used if isinstance(one, str))]
 
 
 def table_of(plan: Plan) -> dict[str, Any]:
@@ -208,7 +238,7 @@ def _check_keys(what: str, item: Any, known: Mapping[str, inspect.Parameter]) ->
     for key, parameter in known.items():
         if parameter.default is inspect.Parameter.empty and key not in item:
             raise BuildingError(f"{what}.{key}: missing; the known keys are {', '.join(known)}")
-    for key in ("name", "storey", "lower", "upper", "stair", "turn", "outside", "file", "like", "use", "kind"):
+    for key in TEXTS:
         if key in item and not (isinstance(item[key], str) and item[key]):
             raise BuildingError(f"{what}.{key}: must be a string, not {item[key]!r}")
 

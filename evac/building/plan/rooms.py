@@ -2,7 +2,7 @@
 
 import copy
 import difflib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import fields, replace
 from itertools import pairwise
 from typing import TypeVar
@@ -15,7 +15,7 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.parameters import did_you_mean
 from evac.base.toml import toml_value
-from evac.building.geometry import GRID, flat_parts, pieces_along, rounded, segment_lengths, sides
+from evac.building.geometry import GRID, flat_parts, pieces_along, place_of, rounded, segment_lengths, sides
 from evac.building.model.findings import Finding, noting
 from evac.building.plan.plan import Item, Plan, Room, Shaft, Stair, Storey, Tie
 
@@ -31,10 +31,6 @@ def expanded(plan: Plan, errors: list[Finding]) -> Plan:
         chain = originals(plan, name)
         if plan.storeys[[name, *chain][-1]].like is None:
             order[name] = chain
-    declared = {*plan.storeys, *plan.refused}
-    for room in plan.rooms:
-        with noting(errors, f"room {room.name!r}", f"rooms.{room.name}", None, room.outline):
-            check_storey(declared, room.storey)
     rooms = {name: _rooms(plan, name, order[name]) for name in order}
     flat.rooms = [room for own in rooms.values() for room in own]
     outlines = {name: {room.name: room.outline for room in own} for name, own in rooms.items()}
@@ -56,11 +52,12 @@ def expanded(plan: Plan, errors: list[Finding]) -> Plan:
         if one.is_area
     ]
     taken: dict[str, Item] = {}
-    for area in flat.areas:
+    for area in sorted(flat.areas, key=lambda area: not key_of("areas", area).startswith("rooms.")):
         with noting(errors, f"area {area.name!r}", key_of("areas", area), area.storey, area.polygons[0]):
             if taken.setdefault(area.name, area) is not area:
                 raise ValueError("another area or room has the same name; rename one")
-    flat.areas, flat.storeys, flat.stairs = [*taken.values()], {}, [*plan.stairs]
+    flat.areas = [area for area in flat.areas if taken[area.name] is area]
+    flat.storeys, flat.stairs = {}, [*plan.stairs]
     for name in order:
         with noting(errors, f"storey {name!r}", f"storeys.{name}", name):
             flat.storeys[name] = _storey(plan, name, order[name], rooms[name])
@@ -70,8 +67,8 @@ def expanded(plan: Plan, errors: list[Finding]) -> Plan:
     return flat
 
 
-def with_originals(plan: Plan, errors: list[Finding]) -> Plan:
-    """Return the plan with the closest storeys for those that are like one that it does not have; notes errors."""
+def with_known_storeys(plan: Plan, errors: list[Finding]) -> Plan:
+    """Return the plan with the closest storeys for those that it does not have, of rooms and `like`; notes errors."""
     known = copy.copy(plan)
     known.storeys = dict(plan.storeys)
     for name, storey in plan.storeys.items():
@@ -79,15 +76,31 @@ def with_originals(plan: Plan, errors: list[Finding]) -> Plan:
         others = [one for one in plan.storeys if name not in (one, *originals(known, one))]
         if like is None or like in others or like in plan.refused:
             continue
+        text, close = f"no storey is named {like!r}; {did_you_mean(like, others)}", close_to(like, others)
         if like in plan.storeys:
-            text, close = "it is like itself; name another storey", list[str]()
-        else:
-            text = f"no storey is named {like!r}; {did_you_mean(like, others)}"
-            close = difflib.get_close_matches(like, others, 1, 0.5)
-        remedy = f"like = {toml_value(close[0])}" if close else "remove it"
+            text, close = "it is like itself; name another storey", []
+        right = next(iter(close or others[::-1]), None)
+        remedy = f"like = {toml_value(right)}" if right else "remove like"
         errors.append(Finding("error", f"storey {name!r}: like: {text}", name, None, f"storeys.{name}", remedy))
-        known.storeys[name] = replace(storey, like=close[0] if close else like)
+        known.storeys[name] = replace(storey, like=right)
+    known.rooms = [_on_known_storey(plan, room, errors) for room in plan.rooms]
     return known
+
+
+def _on_known_storey(plan: Plan, room: Room, errors: list[Finding]) -> Room:
+    """Return a room on the closest storey if a plan does not have its own, with an error."""
+    if room.storey in plan.storeys or room.storey in plan.refused:
+        return room
+    close = close_to(room.storey, plan.storeys) or [*plan.storeys][:1]
+    text = f"room {room.name!r}: no storey is named {room.storey!r}; {did_you_mean(room.storey, list(plan.storeys))}"
+    remedy = f"storey = {toml_value(close[0])}" if close else ""
+    errors.append(Finding("error", text, None, place_of(room.outline), f"rooms.{room.name}", remedy))
+    return replace(room, storey=close[0]) if close else room
+
+
+def close_to(name: str, known: Iterable[str]) -> list[str]:
+    """Return the known name that is most similar to one, if any is similar."""
+    return difflib.get_close_matches(name, [*known], 1, 0.5)
 
 
 def key_of(section: str, item: Item | Room | Stair) -> str:
@@ -151,6 +164,8 @@ def _tied(
         one, *other = [known[name] for name in item.tie.rooms]
         if section == "areas":
             inner = one.buffer(-(item.tie.inset or 0.0), join_style="mitre")
+            if inner.is_empty:
+                raise ValueError(f"inset = {item.tie.inset:g} leaves nothing of room {item.tie.rooms[0]!r}; reduce it")
             return replace(item, polygons=(flat_parts(shapely.set_precision(inner, GRID)),), tie=None)
         wall = _between(item.tie, one, other[0]) if other else _side(item.tie, one)
         return replace(item, segment=_part(item.tie, wall), tie=None)
@@ -204,6 +219,8 @@ def _stairs(plan: Plan, shaft: Shaft) -> list[Stair]:
     if shaft.lower not in names or shaft.upper not in names:
         return []
     first, last = names.index(shaft.lower), names.index(shaft.upper)
+    if first == last:
+        raise ValueError(f"it begins and ends on storey {shaft.lower!r}; name another one")
     way = names[first : last + 1] if first <= last else names[last : first + 1][::-1]
     stairs = []
     for number, (lower, upper) in enumerate(pairwise(way)):
