@@ -1,7 +1,7 @@
 """Available and required times of compartments, and the margin of each person on its way."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +14,10 @@ from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.base.saved import Bounds, Saved
 from evac.building.model.building import Area, Building
-from evac.building.model.cells import LevelField
+from evac.building.model.cells import CellIndex, LevelField, cell_at
 from evac.conditions.dose import dose_rates, irritant_concentration, irritant_scale
 from evac.conditions.source import IRRITANTS, QUANTITIES
+from evac.jit import FloatGrid, Floats, Longs, Struct, Triples, kernel
 from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
@@ -128,6 +129,47 @@ def _limits(case: "Case", where: str, *settings: "CriteriaSettings") -> tuple[di
     return limits, given("share") or 0.0
 
 
+@dataclass(frozen=True)
+class Floors:
+    """The cells of the floors of compartments: level (cells,), a place (cells, 2) [m] in each, and the area [m2].
+
+    `areas` (compartments, cells) has the area of each compartment in each cell, and `number` the cells of levels, with
+    that of the floor in each, NaN where there is none.
+    """
+
+    level: IntArray
+    place: FloatArray
+    areas: FloatArray
+    number: LevelField
+
+
+def floors_of(compartments: Sequence[Compartment], building: Building) -> Floors:
+    """Return the cells of the floors of compartments."""
+    wanted = {*(k for one in compartments for k in one.levels), *(a.level for one in compartments for a in one.areas)}
+    area = sum(building.levels[level].polygon.area for level in wanted)
+    spacing = max(SPACING, math.sqrt(area / MOST_CELLS))
+    number = LevelField(building, "first", "s", spacing)
+    number.values = np.full(number.size, np.nan)
+    places, level_of, cells = list[FloatArray](), list[IntArray](), 0
+    areas: list[list[FloatArray]] = [[] for _ in compartments]
+    for level in sorted(wanted):
+        whole, grid = building.levels[level].polygon, number.cells[level]
+        x, y = (values.ravel() - 0.5 * spacing for values in grid.centres())
+        boxes = shapely.box(x, y, x + spacing, y + spacing)
+        pieces = _parts_in(whole, boxes)
+        own = np.flatnonzero(shapely.area(pieces) > 0.0)
+        inner = shapely.point_on_surface(pieces[own])
+        places.append(np.column_stack([shapely.get_x(inner), shapely.get_y(inner)]))
+        level_of.append(np.full(len(own), level, np.int32))
+        number.on(level).ravel()[own] = cells + np.arange(len(own))
+        cells += len(own)
+        for one, parts in zip(compartments, areas, strict=True):
+            parts.append(shapely.area(_parts_in(one.floor(level, whole), boxes[own])))
+    return Floors(
+        np.concatenate(level_of), np.concatenate(places), np.array([np.concatenate(parts) for parts in areas]), number
+    )
+
+
 class Safety(Saved):
     """Finds when compartments become unsafe, when people leave them, and how much time each person has left.
 
@@ -147,7 +189,15 @@ class Safety(Saved):
 
     saved = ("least", "least_at", "left", "_seen", "_belongs", "_reached", "_of_compartments")
 
-    def __init__(self, case: "Case", building: Building, crowd: Crowd, air: "Air | None", exempt: IntArray) -> None:
+    def __init__(
+        self,
+        case: "Case",
+        building: Building,
+        crowd: Crowd,
+        air: "Air | None",
+        exempt: IntArray,
+        known: dict[Hashable, Floors],
+    ) -> None:
         assert case.safety is not None
         self._case, self._crowd, self._air = case, crowd, air
         self.compartments = compartments_of(case, building)
@@ -170,9 +220,25 @@ class Safety(Saved):
         self._has_areas, self._places = any(one.areas for one in self.compartments), b""
         self._everybody = np.array([[one.everybody] for one in self.compartments])
         self._check_quantities()
-        self._make_cells(building)
+        parts = tuple((one.levels, one.areas, one.without) for one in self.compartments)
+        if parts not in known:
+            known[parts] = floors_of(self.compartments, building)
+        self._floors = known[parts]
+        shapely.prepare([area.polygon for one in self.compartments for area in one.areas])
         self._read_air(float(crowd.height.mean()))
         self._find_available()
+        self._can_be_met = bool(np.isfinite(self._limit).any() or np.isfinite(self._until).any())
+        values = self._floors.number.values
+        self._margins = Margins(
+            floor=np.where(np.isnan(values), -1.0, values).astype(np.int64),
+            until=self._until,
+            cell=np.empty(n, np.int64),
+            when=np.empty(n),
+            areas=self._floors.areas,
+            least=self.least,
+            least_at=self.least_at,
+            of_compartments=self._of_compartments,
+        )
 
     def _check_quantities(self) -> None:
         """Refuse criteria of quantities that no source provides."""
@@ -185,38 +251,9 @@ class Safety(Saved):
                         f"{' or '.join(quantities)} for the criterion {name}; add it to the data, or remove {name}"
                     )
 
-    def _make_cells(self, building: Building) -> None:
-        """Find the cells of the floors of compartments, a place in each, and the area that each compartment has."""
-        wanted = {
-            *(k for one in self.compartments for k in one.levels),
-            *(a.level for c in self.compartments for a in c.areas),
-        }
-        area = sum(building.levels[level].polygon.area for level in wanted)
-        spacing = max(SPACING, math.sqrt(area / MOST_CELLS))
-        self._field = LevelField(building, "first", "s", spacing)
-        self._field.values = np.full(self._field.size, np.nan)
-        places, level_of, cells = list[FloatArray](), list[IntArray](), 0
-        areas: list[list[FloatArray]] = [[] for _ in self.compartments]
-        for level in sorted(wanted):
-            whole, grid = building.levels[level].polygon, self._field.cells[level]
-            x, y = (values.ravel() - 0.5 * spacing for values in grid.centres())
-            boxes = shapely.box(x, y, x + spacing, y + spacing)
-            pieces = _parts_in(whole, boxes)
-            own = np.flatnonzero(shapely.area(pieces) > 0.0)
-            inner = shapely.point_on_surface(pieces[own])
-            places.append(np.column_stack([shapely.get_x(inner), shapely.get_y(inner)]))
-            level_of.append(np.full(len(own), level, np.int32))
-            self._field.on(level).ravel()[own] = cells + np.arange(len(own))
-            cells += len(own)
-            for one, parts in zip(self.compartments, areas, strict=True):
-                parts.append(shapely.area(_parts_in(one.floor(level, whole), boxes[own])))
-        self._level, self._place = np.concatenate(level_of), np.concatenate(places)
-        self._areas = np.array([np.concatenate(parts) for parts in areas])  # (compartments, cells) [m2]
-        shapely.prepare([area.polygon for one in self.compartments for area in one.areas])
-
     def _read_air(self, height: float) -> None:
         """Find when each limit is first exceeded in each cell (cells,) [s], and the doses (times, 2, cells) there."""
-        case, dose, n = self._case, self._case.dose, len(self._level)
+        case, dose, n = self._case, self._case.dose, len(self._floors.level)
         limits = {item for one in self.compartments for item in one.limits.items() if item[0] in CRITERIA}
         self._first = {item: np.full(n, np.inf) for item in limits if item[0] != "fed"}
         self.until = math.inf
@@ -228,10 +265,10 @@ class Safety(Saved):
         number = max(1, min(math.ceil(self.until / PERIOD), MOST_READINGS // max(n, 1)))
         self._times = np.minimum(max(PERIOD, self.until / number) * np.arange(number + 1), self.until)
         self._doses = np.zeros((number + 1 if dose is not None else 1, 2, n), np.float32)
-        heads, total = self._air.heads_at(self._level, self._place, height), np.zeros((2, n))
+        heads, total = self._air.heads_at(self._floors.level, self._floors.place, height), np.zeros((2, n))
         rates, before = np.zeros((2, n)), dict[str, FloatArray]()
         for k, time in enumerate(self._times.tolist()):
-            values = self._air.at(self._air.quantities, time, self._level, self._place, heads)
+            values = self._air.at(self._air.quantities, time, self._floors.level, self._floors.place, heads)
             air = dict(zip(self._air.quantities, values, strict=True))
             measures = self._measures(air)
             for (name, limit), first in self._first.items():
@@ -258,9 +295,9 @@ class Safety(Saved):
 
     def _find_available(self) -> None:
         """Find the available time of each compartment, its criterion, and when criteria are met in each cell."""
-        n = len(self._level)
+        n = len(self._floors.level)
         self._limit, self._until, self.available = np.full(n, np.inf), np.full(n, np.inf), list[tuple[float, str]]()
-        for one, areas in zip(self.compartments, self._areas, strict=True):
+        for one, areas in zip(self.compartments, self._floors.areas, strict=True):
             own = np.flatnonzero(areas > 0.0)
             times, why = np.full(len(own), np.inf), np.full(len(own), "", "<U11")
             for name, limit in one.limits.items():
@@ -302,21 +339,21 @@ class Safety(Saved):
 
     def look(self, time: float, arrived: BoolArray, doses: FloatArray | None) -> None:
         """Look at the people at a time [s], with those who are at a safe place (n,) and the doses (2, n) of all."""
-        crowd, inside = self._crowd, np.flatnonzero(self._crowd.level >= 0)
-        level, position = crowd.level[inside], crowd.position.take(inside, 0)
+        crowd = self._crowd
         places = b"" if self._has_areas else crowd.level.tobytes() + arrived.tobytes()
         if self._has_areas or places != self._places:
-            self._look_who_left(time, inside, level, position, arrived)
+            self._look_who_left(time, arrived)
         self._places = places
-        number = self._field.at(level, position)
-        known = np.flatnonzero(~np.isnan(number))
-        if len(known):
-            self._add_margins(time, inside[known], number[known].astype(np.intp), doses)
+        if self._can_be_met:
+            find_times(crowd, self._floors.number.index, self._margins)
+            if doses is not None:
+                self._count_doses(time, doses)
+            note_margins(self._margins, time)
 
-    def _look_who_left(
-        self, time: float, inside: IndexArray, level: IntArray, position: FloatArray, arrived: BoolArray
-    ) -> None:
-        """Look who of the people inside, at places on levels, has come into compartments and left them."""
+    def _look_who_left(self, time: float, arrived: BoolArray) -> None:
+        """Look who of the people inside has come into compartments and left them."""
+        inside = np.flatnonzero(self._crowd.level >= 0)
+        level, position = self._crowd.level[inside], self._crowd.position.take(inside, 0)
         present, here, is_new = np.zeros(self.left.shape, np.bool_), self._on.take(level, 1), ~self._seen[inside]
         for own, one in zip(here, self.compartments, strict=True):
             for area in one.areas:
@@ -329,11 +366,12 @@ class Safety(Saved):
         self.left[present] = np.inf
         self.left[~present & np.isinf(self.left)] = time
 
-    def _add_margins(self, time: float, rows: IndexArray, cells: IndexArray, doses: FloatArray | None) -> None:
-        """Add the margins of people (rows) in cells at a time [s]."""
-        when = self._until[cells]
-        if doses is not None and np.isfinite(self._limit[cells]).any():
-            rest = self._limit[cells] - doses[:, rows]
+    def _count_doses(self, time: float, doses: FloatArray) -> None:
+        """Let criteria be met earlier where the doses (2, n) of people at a time [s] will have reached a limit."""
+        rows = np.flatnonzero(self._margins.cell >= 0)
+        cells = self._margins.cell[rows]
+        if np.isfinite(self._limit[cells]).any():
+            when, rest = self._margins.when[rows], self._limit[cells] - doses[:, rows]
             k = int(np.clip(np.searchsorted(self._times, time), 1, len(self._times) - 1))
             share = (time - self._times[k - 1]) / (self._times[k] - self._times[k - 1])
             now = self._doses[k - 1][:, cells] * (1.0 - share) + self._doses[k][:, cells] * share
@@ -341,14 +379,7 @@ class Safety(Saved):
             for reached, dose in zip(self._reached, self._doses_to_reach, strict=True):
                 reached[rows[(doses[:, rows].max(axis=0) >= dose) & np.isinf(reached[rows])]] = time
                 when = np.where(self._limit[cells] == dose, np.minimum(when, reached[rows]), when)
-        margin = when - time
-        less = margin < self.least[rows]
-        self.least[rows[less]], self.least_at[rows[less]] = margin[less], time
-        of_compartments = np.where(self._areas.take(cells, 1) > 0.0, margin, np.inf)
-        who = of_compartments.argmin(axis=1)
-        least = of_compartments[np.arange(len(who)), who]
-        for k in np.flatnonzero(least < self._of_compartments[:, 0]).tolist():
-            self._of_compartments[k] = least[k], rows[who[k]], time
+            self._margins.when[rows] = when
 
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of margins and times."""
@@ -409,3 +440,42 @@ def _note(
     else:
         share = (edge - before[new]) / (now[new] - before[new])
         first[new] = previous + np.clip(share, 0.0, 1.0) * (time - previous)
+
+
+class Margins(Struct):
+    """Where people are, when a criterion is met there, and the least margins so far, of people and compartments."""
+
+    floor: Longs  # (cells of levels,) cell of the floors; -1: none
+    until: Floats  # (cells,) time at which a criterion other than a dose is met [s]
+    cell: Longs  # (n,) cell of the floors in which each person is; -1: in none
+    when: Floats  # (n,) time at which a criterion is met there [s]
+    areas: FloatGrid  # (compartments, cells) [m2]
+    least: Floats  # (n,) [s]
+    least_at: Floats  # (n,) [s]
+    of_compartments: Triples  # (compartments, 3) least margin [s], person, time [s]
+
+
+@kernel
+def find_times(crowd: Crowd, index: CellIndex, margins: Margins) -> None:
+    """Find the cell in which each person is, and when a criterion other than a dose is met there."""
+    for p in range(len(crowd.level)):
+        cell = cell_at(index, crowd.level[p], crowd.position[p, 0], crowd.position[p, 1])
+        margins.cell[p] = margins.floor[cell] if cell >= 0 else -1
+        if margins.cell[p] >= 0:
+            margins.when[p] = margins.until[margins.cell[p]]
+
+
+@kernel
+def note_margins(margins: Margins, time: float) -> None:
+    """Note the margins of people at a time [s] that are less than before."""
+    for p in range(len(margins.cell)):
+        cell = margins.cell[p]
+        if cell < 0:
+            continue
+        margin = margins.when[p] - time
+        if margin < margins.least[p]:
+            margins.least[p], margins.least_at[p] = margin, time
+        for k in range(len(margins.areas)):
+            if margins.areas[k, cell] > 0.0 and margin < margins.of_compartments[k, 0]:
+                margins.of_compartments[k, 0], margins.of_compartments[k, 1] = margin, p
+                margins.of_compartments[k, 2] = time

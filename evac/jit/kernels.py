@@ -8,11 +8,12 @@ If the environment variable NUMBA_DISABLE_JIT is set, kernels run as plain Pytho
 import ctypes
 import os
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from types import ModuleType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from evac.base.errors import PluginError, fault, text_of
-from evac.jit.structs import Array, Kind, check_array, describe, kind_of
+from evac.jit.structs import Kind, check_array, describe, kind_of
 
 #: Whether kernels run as Python functions, for debugging.
 INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
@@ -46,7 +47,7 @@ class Kernel:
         self.__name__, self.__doc__, self.__module__ = function.__name__, function.__doc__, function.__module__
         self.__wrapped__ = function
 
-    @property
+    @cached_property
     def label(self) -> str:
         """Qualified name of the kernel with its module."""
         return f"{self.__module__}.{self.function.__qualname__}"
@@ -138,28 +139,29 @@ class Entry(Kernel):
 
     def __call__(self, *arguments: Any) -> Any:
         """Run the kernel."""
-        if INTERPRETED or len(self.signature[1]) > 1:
+        if INTERPRETED or (self._call is None and len(self.signature[1]) > 1):
             return self.function(*arguments)
         if self._call is None:
             _ = self.address
         assert self._call is not None
-        kinds, _ = self.signature
+        assert self._signature is not None
+        kinds, _ = self._signature
         if len(kinds) != len(arguments):
             raise TypeError(f"kernel {self.label} takes {len(kinds)} arguments, but {len(arguments)} were given")
         kept: list[Any] = []  # keeps headers alive until the call returns
         passed: list[float] = []
         for (name, kind), value in zip(kinds, arguments, strict=True):
-            if isinstance(kind, Array):
+            if isinstance(kind, type):
+                if not isinstance(value, kind):
+                    raise TypeError(f"{self.label}: {name}: must be a {kind.__name__}, not {type(value).__name__}")
+                passed.append(value.memory_address)
+            elif isinstance(kind, str):
+                passed.append(float(value) if kind == "float64" else int(value))
+            else:
                 check_array(value, kind, f"{self.label}: {name}")
                 header = (ctypes.c_int64 * (1 + value.ndim))(value.ctypes.data, *value.shape)
                 kept.append(header)
                 passed.append(ctypes.addressof(header))
-            elif isinstance(kind, str):
-                passed.append(float(value) if kind == "float64" else int(value))
-            else:
-                if not isinstance(value, kind):
-                    raise TypeError(f"{self.label}: {name}: must be a {kind.__name__}, not {type(value).__name__}")
-                passed.append(value.memory_address)
         returned = self._call(*passed)
         if _raised:
             label = _raised[0]

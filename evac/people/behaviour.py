@@ -14,6 +14,7 @@ from evac.base.parameters import Configurable, did_you_mean
 from evac.base.saved import FINITE, Saved
 from evac.building.model.cells import LevelField
 from evac.building.model.elevation import elevation
+from evac.jit import kernel
 from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
@@ -385,7 +386,9 @@ def check_written(
     """Check the values that a behaviour wrote, which would otherwise appear as failures of the physics."""
     what, cls = f"t = {time:.3f} s: behaviour {behaviour.name!r}", type(behaviour)
     method = cls.prepare if cls.act is Behaviour.act else cls.act
-    checked = {name: getattr(crowd, name) for name in _LEGAL if name in behaviour.writes}
+    checked: dict[str, FloatArray] = {}
+    if not (is_sound := is_legal(crowd, routes)):
+        checked = {name: getattr(crowd, name) for name in _LEGAL if name in behaviour.writes}
     if outside is not None and behaviour.keeps_distance:
         checked["outside.speed_factor"] = outside.speed_factor
     for place, written in checked.items():
@@ -400,8 +403,23 @@ def check_written(
         if not np.isfinite(field.values).all():
             wrong = f"wrote {field.values[~np.isfinite(field.values)][0]} to its field {field.name!r}"
             raise fault(what, wrong, "values must be finite", method)
-    if "route" in behaviour.writes:
+    if not is_sound and "route" in behaviour.writes:
         lost = np.flatnonzero((crowd.route < 0) | (crowd.route >= routes))
         if len(lost):
             wrong = f"wrote route {crowd.route[lost[0]]} for person {lost[0]}"
             raise fault(what, wrong, f"it must be from 0 to {routes - 1}, see Behaviour.routes", method)
+
+
+@kernel
+def is_legal(crowd: Crowd, routes: int) -> bool:
+    """Return whether all that behaviours and programs may write of people is legal; NaN is not."""
+    for p in range(len(crowd.route)):
+        found = 0 <= crowd.route[p] < routes and crowd.start_time[p] == crowd.start_time[p]
+        found = found and 0.0 <= crowd.speed_factor[p] <= FINITE
+        for k in range(3):
+            found = found and 0.0 <= crowd.speed[p, k] <= FINITE
+        for k in range(2):
+            found = found and -FINITE <= crowd.extra_direction[p, k] <= FINITE
+        if not found:
+            return False
+    return True

@@ -1,14 +1,12 @@
 """People who have left: they walk straight on behind their exit, seen by behaviours that keep distances."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray, IntArray, pairs_of
+from evac.base.arrays import FloatArray, IntArray
 from evac.base.saved import FINITE, Bounds, Saved
 from evac.building.model.building import FLAT, Building
-from evac.jit import Floats, Ints, Pairs, Struct
+from evac.jit import Floats, Ints, Pairs, Struct, kernel
 from evac.physics.driver import FASTEST
 from evac.physics.state import Crowd
 
@@ -43,6 +41,15 @@ class Outside(Struct):
     speed_factor: Floats
 
 
+class Walks(Struct):
+    """The people who walk for some seconds, and their share of the change to the desired speeds in this time."""
+
+    number: int
+    row: Ints  # (n,)
+    seconds: Floats  # (n,)
+    share: Floats  # (n,)
+
+
 def make_outside(n: int) -> Outside:
     """Return the arrays of `n` people, of whom nobody has left."""
     return Outside(
@@ -62,7 +69,9 @@ class PeopleOutside(Saved):
 
     def __init__(self, building: Building, crowd: Crowd) -> None:
         self._crowd = crowd
-        self.arrays = make_outside(len(crowd.level))
+        n = len(crowd.level)
+        self.arrays = make_outside(n)
+        self._walks = Walks(number=0, row=np.zeros(n, np.int32), seconds=np.zeros(n), share=np.zeros(n))
         segments = [way.segments for way in building.exits]
         self._segment = np.concatenate([np.empty((0, 4)), *segments])
         self._exit = np.repeat(np.arange(len(segments)), [len(pieces) for pieces in segments])
@@ -74,24 +83,18 @@ class PeopleOutside(Saved):
 
         Speeds approach the desired ones exponentially, as those of people inside without contacts.
         """
-        outside = self.arrays
-        self._walk(np.flatnonzero(outside.level >= 0), outside.speed_factor, tick)
-        self._add(left)
-        self._walk(left, self._crowd.speed_factor, time - self._crowd.exit_time[left])
-        outside.level[outside.depth > REACH] = -1
+        self._walk(np.flatnonzero(self.arrays.level >= 0), tick, False)
+        if len(left):
+            self._add(left)
+            self._walk(left, time - self._crowd.exit_time.take(left), True)
 
-    def _walk(self, rows: NDArray[Any], factor: FloatArray, seconds: float | FloatArray) -> None:
-        """Move people outside along their directions, at their flat speeds times a factor of each person."""
-        if not len(rows):
-            return
-        outside, tau, direction = self.arrays, self._crowd.tau[rows], self.arrays.direction.take(rows, 0)
-        speed = np.einsum("nk,nk->n", outside.velocity.take(rows, 0), direction)
-        desired = self._crowd.speed[:, FLAT].take(rows) * factor[rows]
-        share = -np.expm1(-seconds / tau)
-        path = desired * seconds + (speed - desired) * tau * share
-        outside.depth[rows] += path
-        pairs_of(outside.position)[rows] += pairs_of(path[:, None] * direction)
-        pairs_of(outside.velocity)[rows] = pairs_of((speed + share * (desired - speed))[:, None] * direction)
+    def _walk(self, rows: NDArray[np.integer], seconds: float | FloatArray, has_left: bool) -> None:
+        """Let people walk for some seconds, with the speed factors of people inside if they have just left."""
+        if number := len(rows):
+            walks = self._walks
+            walks.number, walks.row[:number], walks.seconds[:number] = number, rows, seconds
+            walks.share[:number] = -np.expm1(-walks.seconds[:number] / self._crowd.tau.take(rows))
+            walk_straight(self.arrays, self._crowd, walks, has_left)
 
     def _add(self, left: IntArray) -> None:
         """Put people who left on the line of their exit, with the part of their velocity that is normal to it."""
@@ -123,3 +126,21 @@ class PeopleOutside(Saved):
             "depth": Bounds(0.0, np.where(is_seen, REACH, FINITE)),
             "speed_factor": Bounds(0.0),
         }
+
+
+@kernel
+def walk_straight(outside: Outside, crowd: Crowd, walks: Walks, has_left: bool) -> None:
+    """Move people along their directions, at their flat speeds times a factor, that inside if they have just left."""
+    for k in range(walks.number):
+        p, seconds, share = walks.row[k], walks.seconds[k], walks.share[k]
+        ex, ey = outside.direction[p, 0], outside.direction[p, 1]
+        speed = outside.velocity[p, 0] * ex + outside.velocity[p, 1] * ey
+        desired = crowd.speed[p, FLAT] * (crowd.speed_factor[p] if has_left else outside.speed_factor[p])
+        path = desired * seconds + (speed - desired) * crowd.tau[p] * share
+        speed = speed + share * (desired - speed)
+        outside.depth[p] += path
+        outside.position[p, 0] += path * ex
+        outside.position[p, 1] += path * ey
+        outside.velocity[p, 0], outside.velocity[p, 1] = speed * ex, speed * ey
+        if outside.depth[p] > REACH:
+            outside.level[p] = -1

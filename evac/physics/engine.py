@@ -197,7 +197,7 @@ class CompiledEngine(Engine):
 
     def _gather(self, model: ContactModel, crowd: Crowd) -> int:
         """Copy the people inside to the bodies, in the order that the model requires; return their number."""
-        rows = rows_by_travel_time(self.data.world, crowd) if model.along_the_way else rows_by_place(crowd)
+        rows = rows_by_travel_time(self.data, crowd) if model.along_the_way else rows_by_place(crowd)
         self.data.bodies.row[: len(rows)] = rows
         gather(self.data, crowd, len(rows))
         if model.memory:

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.directions.sampling import column_of, sample_travel_time
-from evac.jit import Floats, Longs, kernel
-from evac.physics.state import Bodies, Crowd, State, World
+from evac.jit import kernel
+from evac.physics.state import Bodies, Crowd, State
 
 #: Places are rounded to a grid of 1 / PER_METRE [m], which repeats every 2**28 / PER_METRE = 4 km.
 PER_METRE = 65536
@@ -23,22 +23,25 @@ _SPREAD = (
 )
 
 
-def rows_by_travel_time(world: World, crowd: Crowd) -> NDArray[np.int64]:
+def rows_by_travel_time(state: State, crowd: Crowd) -> IntArray:
     """Return the rows of the people inside, the nearest to their destination first, ties in order of rows."""
-    rows = np.flatnonzero(crowd.level >= 0)
-    travel_time = np.empty(len(rows))
-    find_travel_times(world, crowd, rows, travel_time)
-    return rows[np.argsort(travel_time, kind="stable")]
+    bodies, inside = state.bodies, find_travel_times(state, crowd)
+    rows: IntArray = bodies.row[:inside][np.argsort(bodies.distance[:inside], kind="stable")]
+    return rows
 
 
 @kernel
-def find_travel_times(world: World, crowd: Crowd, rows: Longs, found: Floats) -> None:
-    """Write the travel times of people in some rows to `found` (n,) [s]."""
-    fields = world.fields
-    for k in range(len(rows)):
-        p = rows[k]
-        column = column_of(fields, crowd.route[p], crowd.contact_radius[p])
-        found[k] = sample_travel_time(fields, crowd.position[p, 0], crowd.position[p, 1], crowd.level[p], column)
+def find_travel_times(state: State, crowd: Crowd) -> int:
+    """Write the rows of the people inside to the bodies, and their travel times [s] as distances; return the number."""
+    bodies, fields, inside = state.bodies, state.world.fields, 0
+    for p in range(len(crowd.level)):
+        if crowd.level[p] >= 0:
+            x, y = crowd.position[p, 0], crowd.position[p, 1]
+            column = column_of(fields, crowd.route[p], crowd.contact_radius[p])
+            bodies.row[inside] = p
+            bodies.distance[inside] = sample_travel_time(fields, x, y, crowd.level[p], column)
+            inside += 1
+    return inside
 
 
 def rows_by_place(crowd: Crowd) -> NDArray[np.int64]:

@@ -78,6 +78,7 @@ class Ending(Saved):
         self._least = np.full((routes, people), np.inf)  # least remaining travel time on each route [s]
         self._gained = np.zeros(people)  # below the least remaining travel time, since the last progress [s]
         self._progress_at = np.zeros(people)  # time of the last progress [s]
+        self._seen = -1  # somebody who was on the way at the last look
 
     def begin_anew(self, rows: "Sequence[int] | slice" = slice(None)) -> None:
         """Forget the least travel times of people, for whom other ways may be longer now; by default of everybody."""
@@ -94,13 +95,16 @@ class Ending(Saved):
 
     def over(self, step: int, crowd: Crowd, can_grow: bool = False) -> str:
         """Return why no step is left, as `reason` but without the check of progress; an empty string if one is left."""
-        inside, is_last = (crowd.level >= 0) & self._leaves, step >= self._settings.last_step
-        is_over = not (inside & ~self._arrived & ~self._stopped).any()
-        is_over &= not (np.isnan(crowd.arrival_time) & ~self._reserve).any()
-        if is_over and (is_last or not can_grow):
-            if ((crowd.level >= 0) & self._stopped).any():
-                return EVERYBODY_ABLE_OUT
-            return EVERYBODY_SAFE if inside.any() else EVERYBODY_OUT
+        is_last, seen = step >= self._settings.last_step, self._seen
+        if seen < 0 or crowd.level[seen] < 0 or self._arrived[seen] or self._stopped[seen]:
+            inside = (crowd.level >= 0) & self._leaves
+            on_the_way = np.flatnonzero(inside & ~self._arrived & ~self._stopped)
+            self._seen = int(on_the_way[-1]) if len(on_the_way) else -1
+            is_over = self._seen < 0 and not (np.isnan(crowd.arrival_time) & ~self._reserve).any()
+            if is_over and (is_last or not can_grow):
+                if ((crowd.level >= 0) & self._stopped).any():
+                    return EVERYBODY_ABLE_OUT
+                return EVERYBODY_SAFE if inside.any() else EVERYBODY_OUT
         return DURATION_OVER if is_last else ""
 
     def stuck(self, step: int, crowd: Crowd) -> NDArray[np.intp]:

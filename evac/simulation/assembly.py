@@ -204,13 +204,14 @@ def make_dispatcher(case: "Case") -> "Dispatcher":
     return (made or _all_made(case, "dispatcher", {DEFAULT_DISPATCHER: {}}))[0]
 
 
-def make_safety(case: "Case", building: "Building", people: Population, exposure: "Exposure | None") -> "Safety | None":
+def make_safety(case: "Case", scene: SharedScene, people: Population, exposure: "Exposure | None") -> "Safety | None":
     """Return the times of compartments and the margins of people of a case with `[safety]`."""
     if case.safety is None:
         return None
     from evac.conditions.safety import Safety
 
-    return Safety(case, building, people.crowd, None if exposure is None else exposure.air, people.staying)
+    air = None if exposure is None else exposure.air
+    return Safety(case, scene.building, people.crowd, air, people.staying, scene.floors)
 
 
 def make_engine(simulation: "Simulation", behaviours: "Sequence[Behaviour]") -> Engine:

@@ -15,8 +15,9 @@ from evac.directions.routes import STRATEGIES, Route
 from evac.directions.sampling import sample_travel_times
 from evac.jit import Entry
 from evac.jit.kernels import entries_of
-from evac.people.behaviour import Behaviour
+from evac.people.behaviour import Behaviour, is_legal
 from evac.people.groups import default_clearance, narrowest_body, reference_speeds, route_of, routes_of
+from evac.people.outside import walk_straight
 from evac.people.placement import add_discs
 from evac.people.places import routes_to_places
 from evac.people.ways import walk_all
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from evac.simulation.simulation import Simulation
 
 #: The kernels that the directions and people of a scene need.
-SET_UP = (descend, sample_travel_times, add_discs, walk_all)
+SET_UP = (descend, sample_travel_times, add_discs, walk_all, is_legal)
 
 
 class Part(NamedTuple):
@@ -145,8 +146,9 @@ def run_kernels(
     kernels = engine.kernels(model, forces, case.registry.solvers, walls_behind_exits(building), full)
     for behaviour in behaviours:
         kernels += entries_of(sys.modules[type(behaviour).__module__])
-    routes = needed_routes(case, behaviours, full)
-    if any(route.follows_crowd for route in routes) or any(one.keeps_distance for one in behaviours):
+    routes, keeps = needed_routes(case, behaviours, full), any(one.keeps_distance for one in behaviours)
+    kernels += [walk_straight] if keeps else []
+    if keeps or any(route.follows_crowd for route in routes):
         kernels += [deposit, march_waves]
     elif case.conditions and case.smoke.routes:
         kernels += [march_waves]

@@ -1,11 +1,12 @@
 """The scene: owner of building, fields and world, which changes during a run."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import nullcontext
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import shapely
@@ -44,6 +45,7 @@ class SharedScene:
     building: Building
     fields: Fields  # directions of the building
     columns: dict[int, RouteField] | None = None  # of ways round the crowd, if many runs share them
+    floors: dict[Hashable, Any] = field(default_factory=dict)  # of compartments, see `evac.conditions.safety.Safety`
 
     @cached_property
     def world(self) -> World:

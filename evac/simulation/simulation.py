@@ -192,7 +192,7 @@ class Simulation(Saved):
             self.timetable = Timetable(case.events, self.scene, case.source, bool(case.conditions))
             self.lifts = assembly.make_lifts(case, self.scene)
             self.exposure = assembly.make_exposure(case, self.scene, self.population)
-            self.safety = assembly.make_safety(case, building, self.population, self.exposure)
+            self.safety = assembly.make_safety(case, shared_scene, self.population, self.exposure)
             self.outside = PeopleOutside(building, crowd) if keeps else None
             self.deciding = Deciding(self, behaviours)
             self.behaviours = self.deciding.used

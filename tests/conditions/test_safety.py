@@ -256,3 +256,19 @@ def test_check_shows_until_when_compartments_are_available(capsys):
 def test_wrong_limits_are_refused(tables, words):
     with pytest.raises(ScenarioError, match=words):
         Simulation(corridor(**tables))
+
+
+def test_runs_that_share_a_scene_share_the_floors_of_their_compartments():
+    """They depend on neither seed nor limits, but on the compartments."""
+    case, other = random_case(1), random_case(1)
+    first = Simulation(case)
+    scene = first.scene.shared_scene
+    for compartment in other["compartment"]:
+        compartment["visibility"] = 3.0
+    other["simulation"]["seed"] = 2
+    alone, shared = Simulation(other).run(), Simulation(other, shared_scene=scene).run()
+    assert len(scene.floors) == 1
+    assert shared.safety == alone.safety
+    other["compartment"][0]["of"] = ["up"]
+    Simulation(other, shared_scene=scene)
+    assert len(scene.floors) == 2

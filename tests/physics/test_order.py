@@ -5,11 +5,10 @@ import pytest
 
 from evac.physics.order import PER_METRE, along_curve, rows_by_place, rows_by_travel_time
 from evac.physics.state import make_crowd
-from evac.physics.world import make_world
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
-from tests.physics.scenes import fields_towards, make_building, make_engine, random_crowd
+from tests.physics.scenes import fields_towards, make_engine, random_crowd
 
 
 def interleaved(x, y):
@@ -44,8 +43,8 @@ def test_neighbours_in_order_are_neighbours_in_place():
 def test_only_those_inside_are_in_order_and_ties_are_in_order_of_rows():
     crowd = make_crowd([(3, 1), (1, 1), (3, 1), (2, 1), (1, 1)], level=[0, 0, 0, -1, 0])
     assert rows_by_place(crowd).tolist() == [1, 4, 0, 2]
-    world = make_world(make_building(), fields_towards((0, 1)))
-    assert rows_by_travel_time(world, crowd).tolist() == [1, 4, 0, 2]
+    state = make_engine(crowd, fields=fields_towards((0, 1))).data
+    assert rows_by_travel_time(state, crowd).tolist() == [1, 4, 0, 2]
 
 
 @pytest.mark.parametrize(
@@ -54,7 +53,7 @@ def test_only_those_inside_are_in_order_and_ties_are_in_order_of_rows():
 def test_models_that_are_solved_have_the_order_of_travel_time(model, is_by_place):
     crowd = random_crowd(60, (0, 0), (8, 8), seed=6)
     engine = make_engine(crowd, fields=fields_towards((9, 4)))
-    by_place, by_time = rows_by_place(crowd), rows_by_travel_time(engine.data.world, crowd)
+    by_place, by_time = rows_by_place(crowd), rows_by_travel_time(engine.data, crowd)
     assert (by_place != by_time).any()
     engine.advance(model, crowd, 0, 10, 0.01, False, False)
     np.testing.assert_array_equal(engine.data.bodies.row, by_place if is_by_place else by_time)

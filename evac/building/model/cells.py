@@ -11,6 +11,7 @@ from evac.base.defaults import LONGEST_NAME
 from evac.base.errors import is_one_line
 from evac.base.saved import Saved
 from evac.building.model.building import Area, Building, Level
+from evac.jit import IntPairs, Ints, Longs, Pairs, Struct, inner, kernel
 
 #: Least and greatest side of the cells of a field [m], and greatest number of cells of all levels.
 LEAST_SPACING, MOST_SPACING, MOST_CELLS = 0.05, 1e6, 1_000_000
@@ -60,6 +61,15 @@ class Cells:
         return cell
 
 
+class CellIndex(Struct):
+    """The cells of all levels, one level after the other, as kernels find them."""
+
+    first: Longs  # (levels,) cell
+    origin: Pairs  # (levels, 2) [m]
+    shape: IntPairs  # (levels, 2) number of cells along y and along x
+    spacing: float  # [m]
+
+
 class LevelField(Saved):
     """A scalar on square cells of all levels, such as the density of smoke.
 
@@ -81,6 +91,7 @@ class LevelField(Saved):
         As given.
     size : int
         Number m of cells.
+    index : CellIndex
     cells : list of Cells
         Those of each level.
 
@@ -110,8 +121,12 @@ class LevelField(Saved):
         self.name, self.unit, self.spacing = name, unit, float(spacing)
         self.cells = [Cells(level, spacing) for level in building.levels]
         self._start = np.cumsum([0, *(math.prod(cells.shape) for cells in self.cells)])
-        self._origin = np.array([cells.origin for cells in self.cells])
-        self._last = np.array([cells.shape for cells in self.cells])[:, ::-1] - 1  # column and row
+        self.index = CellIndex(
+            first=self._start[:-1].copy(),
+            origin=np.array([cells.origin for cells in self.cells]),
+            shape=np.array([cells.shape for cells in self.cells], np.int32),
+            spacing=self.spacing,
+        )
         self.size = int(self._start[-1])
         self.values: FloatArray = np.zeros(self.size) if values is None else values
 
@@ -129,12 +144,27 @@ class LevelField(Saved):
             Index of the level of each point; -1 for people who are out.
         position : (n, 2) [m]
         """
-        level = np.asarray(level)
-        values = np.zeros((*self.values.shape[:-1], len(level)))
-        inside = np.flatnonzero(level >= 0)
-        on = level[inside]
-        last = self._last.take(on, 0)
-        cell = np.floor((position.take(inside, 0) - self._origin.take(on, 0)) / self.spacing).astype(np.int64)
-        column, row = np.minimum(np.maximum(cell, 0), last).T
-        values[..., inside] = self.values.take(self._start.take(on) + row * (last[:, 0] + 1) + column, -1)
+        cell = np.empty(len(level), np.int64)
+        find_cells(self.index, np.asarray(level, np.int32), np.ascontiguousarray(position), cell)
+        values = self.values.take(np.maximum(cell, 0), -1)
+        values[..., cell < 0] = 0.0
         return values
+
+
+@kernel
+def find_cells(index: CellIndex, level: Ints, position: Pairs, cell: Longs) -> None:
+    """Find the cells (n,) of all levels at points (n, 2) on levels (n,); -1 where the level is."""
+    for k in range(len(level)):
+        cell[k] = cell_at(index, level[k], position[k, 0], position[k, 1])
+
+
+@inner
+def cell_at(index: CellIndex, level: int, x: float, y: float) -> int:
+    """Return the cell of all levels at a point on a level; -1 if the level is."""
+    if level < 0:
+        return -1
+    column = math.floor((x - index.origin[level, 0]) / index.spacing)
+    row = math.floor((y - index.origin[level, 1]) / index.spacing)
+    rows, columns = index.shape[level, 0], index.shape[level, 1]
+    cell: int = index.first[level] + min(max(row, 0), rows - 1) * columns + min(max(column, 0), columns - 1)
+    return cell
