@@ -193,7 +193,7 @@ class _Solver:
     rates: tuple[FloatArray, ...]
     order: int
     workers: int | None
-    barred: tuple[frozenset[int], ...]
+    barred: tuple[frozenset[tuple[int, int]], ...]
     reaching: tuple[tuple[int, ...], ...]
     shared: Shared = field(default_factory=Shared)
 
@@ -278,7 +278,9 @@ def _fill(upper: _Solved, route: int, lower: _Solved, other: int) -> None:
     direction[lost] = lower.directions[other][lost]
 
 
-def _levels_leading(building: Building, route: Route, barred: frozenset[int], anywhere: bool) -> tuple[int, ...]:
+def _levels_leading(
+    building: Building, route: Route, barred: frozenset[tuple[int, int]], anywhere: bool
+) -> tuple[int, ...]:
     """Return the levels that a route leads out from; `anywhere` as for `build_fields`."""
     routes = (route, _to_any_exit(route)) if anywhere else (route,)
     ends = (ends_of_route(building, one) for one in routes)
@@ -450,7 +452,7 @@ def _solve(
     building = grids.building
     marches = []
     for route, rate, exits, barred in zip(solver.routes, solver.rates, ways, solver.barred, strict=True):
-        slowness, lifts = slowness_of(building, rate), bool(route.lifts)
+        slowness, lifts = slowness_of(building, rate, route), bool(route.lifts)
         is_plain = not building.has_areas_to_heed
         marches.append(March(Metric(slowness, avoided, is_plain), exits, barred, lifts))
         if bent is not None:

@@ -12,7 +12,7 @@ from evac.base.arrays import FloatArray, IndexArray
 from evac.building.model.building import FLAT, Area, Building, Exit
 from evac.directions.descent import Ways, add_lengths
 from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid, build_grids, use_towards
-from evac.directions.routes import Route
+from evac.directions.routes import RELUCTANCE, Route
 
 if TYPE_CHECKING:
     from evac.directions.fields import PackedFields
@@ -42,8 +42,10 @@ class Marched:
     classes: tuple[MarchedClass, ...]
 
 
-def slowness_of(building: Building, rate: FloatArray) -> FloatArray:
-    """Return the time per metre in plan of each level and use (levels, 3), from that along the slope [s/m].
+def slowness_of(building: Building, rate: FloatArray, route: Route) -> FloatArray:
+    """Return the time per metre in plan of each level and use (levels, 3) on a route, from that along the slope [s/m].
+
+    On levels that are too steep for it, ways are short ones back.
 
     On escalators that move, it is the time of people who stand, except for the shortest way, which heeds no speeds.
     Moving walkways count as the floor, as travel times are at least those at 1 m/s.
@@ -53,6 +55,7 @@ def slowness_of(building: Building, rate: FloatArray) -> FloatArray:
         for level, x, y in building.moving:
             if building.levels[level].slope > 0.0:
                 slowness[level] = 1.0 / math.hypot(x, y)
+    slowness[[*too_steep(building, route)]] *= RELUCTANCE
     return slowness
 
 
@@ -74,12 +77,23 @@ def ends_of_route(building: Building, route: Route) -> list[Exit | Area]:
     return [*exits_of_route(building, route), *(area for area in building.areas if area.name == route.area)]
 
 
-def barred_on(building: Building, route: Route) -> frozenset[int]:
-    """Return the indices of the portals to levels that are too steep for a route."""
+def too_steep(building: Building, route: Route) -> set[int]:
+    """Return the levels that are too steep for a route, and the landings that lead to such levels alone."""
     if route.steepest is None:
-        return frozenset()
+        return set()
     steep = {level.index for level in building.levels if math.tan(level.slope) > route.steepest}
-    return frozenset(portal.index for portal in building.portals if steep.intersection(portal.levels))
+    landings = (level.index for level in building.levels if level.kind == "landing")
+    return steep | {one for one in landings if steep.issuperset(way.other(one) for way in building.portals_of(one))}
+
+
+def barred_on(building: Building, route: Route) -> frozenset[tuple[int, int]]:
+    """Return the portals that lead to levels that are too steep for a route, each with the level before it.
+
+    Off these levels the route leads, so that somebody who was pushed onto a stair finds back.
+    """
+    steep = too_steep(building, route)
+    pairs = ((portal, level) for portal in building.portals for level in portal.levels)
+    return frozenset((one.index, level) for one, level in pairs if one.other(level) in steep and level not in steep)
 
 
 def find_lengths(marched: Marched, routes: tuple[Route, ...], packed: "PackedFields") -> FloatArray:

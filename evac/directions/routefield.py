@@ -16,6 +16,7 @@ from evac.directions.descent import Ways, descend
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.gates import STEP, Gates
 from evac.directions.lengths import (
+    barred_on,
     ends_of_route,
     exits_of_route,
     make_ways,
@@ -28,6 +29,7 @@ from evac.directions.pockets import Pockets
 from evac.directions.raster.grids import OWN, BuildingGrids, lead_through_doors
 from evac.directions.raster.masks import grown, nearest_marked
 from evac.directions.raster.strips import chain
+from evac.directions.routes import Route
 
 #: A level is solved again if the slowness has changed on it by more than this share of what the crowd adds to it.
 NOTICED = 0.1
@@ -83,8 +85,8 @@ class RouteField(Saved):
         self._travel_time, self._all_directions = travel_time, direction
         base = self._read(fields.packed)
         ways = make_ways(grids, np.zeros(0))
-        slowness = slowness_of(grids.building, marched.rates[index])
         present = routes_at_present(marched.building, fields.routes)[index]
+        slowness = slowness_of(grids.building, marched.rates[index], present)
         exits = exits_of_route(grids.building, present)
         strips, starts = _strips_and_starts(grids, exits, base, slowness)
         joins = (grids.own_nodes | strips) & np.isfinite(base)
@@ -102,7 +104,7 @@ class RouteField(Saved):
                 starts[grids.around(end)[0]] = True
         starts &= joins
         self._solved = joins & ~starts
-        self.waves = self._make_waves(ways, slowness, joins, starts, base, float(hesitation), bool(present.lifts))
+        self.waves = self._make_waves(ways, slowness, joins, starts, base, float(hesitation), present)
         _start_at_exits(self.waves, grids, exits, starts)
         self.speed = np.ones(grids.size)
         self.stale: set[int] = set()
@@ -181,7 +183,7 @@ class RouteField(Saved):
         starts: BoolArray,
         time: FloatArray,
         hesitation: float,
-        lifts: bool,
+        route: Route,
     ) -> MarchState:
         """Return waves whose times are known at the nodes that join."""
         grids = self._grids
@@ -190,7 +192,7 @@ class RouteField(Saved):
         for step in (1, ways.stride[ways.level_of[nodes]].astype(np.int64)):
             for beside in (ways.source[nodes - step], ways.source[nodes + step]):
                 is_border |= (beside >= 0) & (starts[beside] | (ways.level_of[beside] != ways.level_of[nodes]))
-        source, twin = _one_way(grids, ways.source, ways.twin)
+        source, twin = _one_way(grids, ways.source, ways.twin, barred_on(grids.building, route))
         nobody = np.full(grids.size, -1, np.int32)
         is_car = np.array([level.kind == "car" for level in grids.building.levels])
         label = np.where(is_car, first_car(grids.building) + np.arange(len(is_car)), -1).astype(np.int32)
@@ -200,7 +202,7 @@ class RouteField(Saved):
             source=source,
             beside=ways.source,
             twin=twin,
-            **_jumps(grids, slowness, lifts),
+            **_jumps(grids, slowness, bool(route.lifts)),
             stride=ways.stride,
             uphill=ways.uphill,
             slowness=slowness,
@@ -526,13 +528,20 @@ def _start_at_exits(waves: MarchState, grids: BuildingGrids, exits: list[Exit], 
             waves.gate[grid.offset + nodes] = np.array([grids.building.link_of(exit_) for exit_ in ends])[away]
 
 
-def _one_way(grids: BuildingGrids, source: IndexArray, twin: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """Return sources and twins (nodes,) to which times go on, which none do through links against their direction."""
-    if grids.building.one_way:
-        source, twin = source.copy(), twin.copy()
-    for grid in grids.levels if grids.building.one_way else ():
+def _one_way(
+    grids: BuildingGrids, source: IndexArray, twin: IndexArray, barred: frozenset[tuple[int, int]]
+) -> tuple[IndexArray, IndexArray]:
+    """Return sources and twins (nodes,) to which times go on, which none do through links against their direction.
+
+    The portals `barred` are not passed from the level with which they are given.
+    """
+    building = grids.building
+    if not (building.one_way or barred):
+        return source, twin
+    source, twin = source.copy(), twin.copy()
+    for grid in grids.levels:
         for portal in grids.portals_of(grid.level):
-            if not grids.building.leads_from(portal, grid.level):
+            if not building.leads_from(portal, grid.level) or (portal.index, grid.level) in barred:
                 source[grid.packed][(grid.sheet == 1 + portal.index).ravel()] = -1
                 _, there = grid.seams[portal.index]
                 twin[there] = -1

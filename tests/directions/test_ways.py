@@ -8,6 +8,8 @@ import shapely
 
 from evac.building.plan.plan import Plan
 from evac.directions.build import build_fields
+from evac.directions.gates import Gates
+from evac.directions.routefield import RouteField
 from evac.directions.routes import Route
 from evac.simulation.assembly import read_building
 from tests.directions.walks import along, positions_on, walk
@@ -241,3 +243,33 @@ def test_lengths_of_ways_without_stairs_end_in_front_of_a_stair():
     route = Route(("back",), steepest=0.0834)
     fields = build_fields(plan.building(), (route,), clearance=0.4, narrowest=0.3, widest=0.3)
     assert fields.lengths_at(0, np.array([[4.0, 2.6]]), 0)[0] == pytest.approx([8, 0, 0], abs=0.05)
+
+
+@pytest.mark.parametrize("strategy", ["fastest", "quickest"])
+def test_ways_without_stairs_lead_off_a_stair_to_the_nearer_floor_and_not_onto_it(strategy):
+    """Both floors have an exit; the landing of the stair belongs to it."""
+    plan = Plan()
+    for name, height in (("ground", 0.0), ("first", 4.0)):
+        plan.storey(name, shapely.box(0, 0, 10, 6), height)
+    plan.stair("stair", "ground", [(1, 0), (2.2, 0)], "first", [(2.3, 0), (3.5, 0)], length=3.0, direction=(0, -1))
+    plan.exit("door", "ground", [(0, 2), (0, 4)])
+    plan.exit("bridge", "first", [(10, 2), (10, 4)])
+    building = plan.building()
+    routes = [Route(strategy=strategy, steepest=0.0), Route(("door",), strategy=strategy, steepest=0.0)]
+    fields = build_fields(building, routes, keep_grids=True)
+    if strategy == "quickest":
+        clear, fields, levels = fields, fields.with_own_directions(), {*range(len(building.levels))}
+        for number in range(2):
+            own = fields.packed.travel_time, fields.packed.direction
+            RouteField(clear, *own, number, Gates(clear.grids[0].grids)).solve(levels, levels, is_first=True)
+    lower, landing, upper = (one.index for one in building.levels if one.stair)
+    places = {lower: (1.6, -2.5), upper: (2.9, -2.5), landing: (3.0, -3.5)}
+    ahead = {level: fields.directions_at(level, np.array([place]), 0)[0] for level, place in places.items()}
+    assert ahead[lower][1] > 0.9
+    assert ahead[upper][1] > 0.9
+    assert np.hypot(*ahead[landing]) == pytest.approx(1.0)
+    first = building.level_named("first").index
+    assert np.isinf(fields.travel_time_at(first, np.array([[5.0, 3.0]]), 1)[0])
+    assert np.isinf(fields.travel_time_at(first, np.array([[2.9, 0.3]]), 1)[0])
+    (time,) = fields.travel_time_at(first, np.array([[4.0, 3.0]]), 0)
+    assert time == pytest.approx(6.0, abs=0.05)

@@ -163,6 +163,18 @@ def test_wheelchairs_take_the_ground_that_they_need_and_block_no_car(capacity, o
     assert len(simulation.lifts.trips) >= trips
 
 
+@pytest.mark.parametrize("strategy", ["fastest", "quickest"])
+def test_who_uses_no_stairs_and_is_pushed_onto_one_walks_back_and_rides(strategy):
+    people = group(2, "s2", name="wheelchairs", radius=0.3, turns=False, steepest=0.0, lifts=None, strategy=strategy)
+    simulation = Simulation(case(tower((0.0, 4.0, 8.0), stair=True), [people], "nsm1"))
+    crowd, landing = simulation.population.crowd, simulation.building.level_named("stair 2 landing z=6.00")
+    with simulation.population.writable():
+        crowd.level[0], crowd.position[0] = landing.index, (2.6, -3.6)
+    watched(simulation)
+    assert simulation.ended == "everybody out"
+    assert sorted(simulation.lifts.rides[:, 0].tolist()) == [0.0, 1.0]
+
+
 @pytest.mark.parametrize("closes", [False, True])
 def test_people_leave_a_refuge_as_soon_as_a_lift_runs(closes):
     plan = tower((0.0, 4.0), stair=True, service=closes)

@@ -290,17 +290,21 @@ def close_links(building: Building, names: Sequence[str]) -> Building:
 
 
 def levels_reaching(
-    building: Building, exits: Iterable[Exit | Area], barred: Collection[int] = (), lifts: bool = True
+    building: Building, exits: Iterable[Exit | Area], barred: Collection[tuple[int, int]] = (), lifts: bool = True
 ) -> set[int]:
-    """Return the levels from which one of some open exits or areas can be reached, without the portals `barred`."""
+    """Return the levels from which one of some open exits or areas can be reached.
+
+    The portals `barred` are not passed from the level with which they are given.
+    """
     reached = {exit_.level for exit_ in exits}
     waiting, jumped = list(reached), dict[int, set[int]]()
     for start, end in jumped_levels(building, lifts):
         jumped.setdefault(end, set()).add(start)
     while waiting:
         level = waiting.pop()
-        leading = [portal for portal in building.portals_of(level) if building.leads_from(portal, portal.other(level))]
-        more = {portal.other(level) for portal in leading if portal.index not in barred}
+        behind = [(portal, portal.other(level)) for portal in building.portals_of(level)]
+        leading = ((one, other) for one, other in behind if building.leads_from(one, other))
+        more = {other for one, other in leading if (one.index, other) not in barred}
         more |= jumped.get(level, set())
         waiting += more - reached
         reached |= more

@@ -43,7 +43,7 @@ def march(
     metric: Metric,
     exits: list[Exit | Area],
     order: int,
-    barred: frozenset[int] = frozenset(),
+    barred: frozenset[tuple[int, int]] = frozenset(),
     lifts: bool = False,
 ) -> FloatArray:
     """Return the minimum cost (nodes,) from each node of all grids to any of the given exits [s].
@@ -63,7 +63,9 @@ def march(
 class _March:
     """The costs found so far, and the queue of portals."""
 
-    def __init__(self, grids: BuildingGrids, metric: Metric, order: int, barred: frozenset[int], lifts: bool) -> None:
+    def __init__(
+        self, grids: BuildingGrids, metric: Metric, order: int, barred: frozenset[tuple[int, int]], lifts: bool
+    ) -> None:
         self.grids = grids
         self.metric = metric
         self.order = order
@@ -125,9 +127,9 @@ class _March:
             if self._is_lowered(k):
                 heapq.heappush(self.pending, (self._after_jump(k), -2 - k, self.jumps[k].area.level))
         for portal in self.grids.portals_of(level):
-            if portal.index in self.barred:
-                continue
             for entered in portal.levels:
+                if (portal.index, entered) in self.barred:
+                    continue
                 start = self._start(portal, entered)
                 if start < math.inf and self.grids.building.leads_from(portal, entered):
                     heapq.heappush(self.pending, (start, portal.index, entered))

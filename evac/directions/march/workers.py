@@ -30,7 +30,7 @@ class March(NamedTuple):
 
     metric: Metric
     exits: list[Exit | Area]
-    barred: frozenset[int] = frozenset()
+    barred: frozenset[tuple[int, int]] = frozenset()
     lifts: bool = False
 
 
@@ -89,7 +89,7 @@ def _march(
     factor: FloatArray,
     is_plain: bool,
     exits: list[Exit | Area],
-    barred: frozenset[int],
+    barred: frozenset[tuple[int, int]],
     lifts: bool,
 ) -> FloatArray:
     """Return the costs of a march."""
