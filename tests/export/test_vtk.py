@@ -16,18 +16,6 @@ def exported(descent, tmp_path):
     return trajectory, export_vtk(trajectory, tmp_path)
 
 
-def test_collection_lists_every_frame_and_the_building(exported):
-    trajectory, path = exported
-    reader = pyvista.get_reader(path)
-    assert reader.time_values == trajectory.time.tolist()
-    for time in reader.time_values:
-        reader.set_active_time_value(time)
-        people, building = reader.read()
-        assert building.keys() == ["levels", "walls", "exits", "portals", "areas"]
-        assert people.n_points == (4 if time == 1.5 else 5)
-    assert len(list((path.parent / "frames").glob("*.vtp"))) == 4
-
-
 def test_every_frame_holds_the_people_at_true_height_with_their_arrays(exported):
     trajectory, path = exported
     for k in range(len(trajectory)):

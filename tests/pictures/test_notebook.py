@@ -50,14 +50,6 @@ def test_a_replay_that_is_not_there_or_too_large_is_not_shown(results, monkeypat
     assert str(results.folder) in results._repr_html_()
 
 
-def test_people_are_a_data_frame_with_a_row_each(results):
-    people = results.people
-    assert people.shape == (20, 22)
-    assert people.exit_time.notna().sum() == results.evacuated
-    np.testing.assert_array_equal(people.exit_time, results.crowd.exit_time)
-    assert set(people.exit.dropna()) <= {"door"}
-
-
 def test_the_motion_is_a_data_frame(results):
     trajectory = evac.read_trajectory(results.folder)
     frame = trajectory.frame

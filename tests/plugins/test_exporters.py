@@ -24,7 +24,10 @@ def trajectory(tmp_path_factory):
     import evac
 
     folder = tmp_path_factory.mktemp("school")
-    evac.run(evac.load("primary_school", {"simulation.duration": 2.0, "output.animation": False}), folder / "result")
+    evac.run(
+        evac.load("primary_school", {"simulation.duration": 2.0, "output.animation": False, "output.replay": False}),
+        folder / "result",
+    )
     return read_trajectory(folder / "result")
 
 
@@ -105,20 +108,6 @@ def test_geojson_has_the_building_by_name(trajectory, tmp_path):
     assert walls == pytest.approx(np.hypot(*(building.walls[:, 2:] - building.walls[:, :2]).T).sum())
     assert len(found) == len(data["features"])
     assert {name for kind, name in found if kind == "area"} == {area.name for area in building.areas}
-
-
-def test_geojson_of_a_building_is_imported_as_the_same_building(trajectory, tmp_path):
-    (path,) = export(trajectory, EXPORTERS["geojson"](), tmp_path / "building.geojson")
-    one, other = trajectory.building, read_building(path)
-    assert [(level.name, level.kind, level.stair) for level in other.levels] == [
-        (level.name, level.kind, level.stair) for level in one.levels
-    ]
-    for of in ("levels", "areas"):
-        areas = [[(item.name, item.polygon.area) for item in getattr(building, of)] for building in (one, other)]
-        assert areas[1] == [(name, pytest.approx(area, rel=1e-6)) for name, area in areas[0]]
-    for of in ("exits", "portals"):
-        widths = [[(item.name, item.width) for item in getattr(building, of)] for building in (one, other)]
-        assert widths[1] == [(name, pytest.approx(width, abs=1e-6)) for name, width in widths[0]]
 
 
 def test_geojson_keeps_doors_and_tells_what_was_closed(tmp_path):

@@ -1,29 +1,18 @@
 """An exit that closes at 2 s is closed from then on in everything that shows or measures the run."""
 
-import base64
-import json
-import re
 import textwrap
-import zlib
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-import pyvista
 from PIL import Image, ImageColor
 
 import evac
 from evac.analysis.maps import level_maps
-from evac.export.exporter import export
-from evac.export.vtk import KINDS
 from evac.pictures import palette
 from evac.pictures.map_pictures import draw_map
 from evac.pictures.render import Renderer, render_animation
-from evac.replay.writer import replay_trajectory
 from evac.report.sections import building_section
 from evac.results.ending import Stopped
-from evac_plugins.export_geojson import GeojsonExporter
-from evac_plugins.export_motion import VtkExporter
 
 CASE = {
     "building": {
@@ -93,12 +82,6 @@ def trajectory(result):
     return evac.read_trajectory(result)
 
 
-def closed_in(page):
-    """Return the links that a replay shows as closed, from each time on."""
-    about = re.search(r'id="data-about">([^<]*)<', page.read_text(encoding="utf-8"))[1]
-    return [[one["since"], one["shut"]] for one in json.loads(zlib.decompress(base64.b64decode(about)))["states"]]
-
-
 def reds(image):
     """Return the number of pixels that have the colour of what is closed."""
     return (np.abs(np.asarray(image, int) - ImageColor.getrgb(palette.CLOSED)) < 25).all(axis=2).sum()
@@ -126,12 +109,6 @@ def test_the_field_of_a_behaviour_is_in_the_trajectory(trajectory):
         trajectory.field("hase")
 
 
-def test_a_replay_made_later_is_that_of_the_run(result, trajectory, tmp_path):
-    replay_trajectory(trajectory, tmp_path / "replay.html")
-    assert closed_in(tmp_path / "replay.html") == closed_in(result / "replay.html")
-    assert [time for time, _ in closed_in(tmp_path / "replay.html")] == [0.0, 2.0]
-
-
 @pytest.mark.parametrize("view", ["3d", "plan"])
 def test_pictures_and_films_show_it_closed_from_then_on(trajectory, tmp_path, view):
     renderer = Renderer(trajectory, (400, 300), view)
@@ -157,24 +134,6 @@ def test_maps_show_what_is_closed_at_their_end_and_say_when(trajectory):
     assert "'west' closed at 2 s" in words()
     assert "west (closed)" in words(start=2.5)
     assert "closed at" not in words(start=2.5)
-
-
-def test_exports_have_the_state_at_each_time(trajectory, tmp_path):
-    export(trajectory, VtkExporter(), tmp_path / "vtk")
-    entries = ElementTree.parse(tmp_path / "vtk" / "animation.pvd").iter("DataSet")
-    kinds = {}
-    for entry in entries:
-        if entry.get("name") == "building":
-            line = pyvista.read(tmp_path / "vtk" / entry.get("file"))["exits"]["west"]
-            kinds[float(entry.get("timestep"))] = KINDS[line.cell_data["kind"][0]]
-    assert {kind for time, kind in kinds.items() if time < 2.0} == {"exit"}
-    assert {kind for time, kind in kinds.items() if time >= 2.0} == {"closed exit"}
-
-    export(trajectory, GeojsonExporter(), tmp_path / "building.geojson")
-    features = json.loads((tmp_path / "building.geojson").read_text())["features"]
-    exits = {f["properties"]["name"]: f["properties"] for f in features if f["properties"]["kind"] == "exit"}
-    assert (exits["west"]["open"], exits["west"]["changes"]) == (True, [{"time": 2.0, "open": False}])
-    assert (exits["east"]["open"], exits["east"].get("changes")) == (True, None)
 
 
 def test_the_report_has_the_state_from_each_time(result):
