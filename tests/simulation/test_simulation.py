@@ -74,7 +74,7 @@ def test_leaving_out_changes_no_bit_in_the_square_room(model, scene):
 
 def test_leaving_out_changes_no_bit_in_the_school():
     """After 20 s the stairs are full, and some people are out."""
-    case = load_case("primary_school")
+    case = load_case("primary_school", {"directions.spacing": 0.2})
     lean, full = (run_ticks(Simulation(case, full=full), 200) for full in (False, True))
     assert_same_bits(lean, full)
     assert len(lean.population.crossings[0]) > 50

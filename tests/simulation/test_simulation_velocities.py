@@ -16,7 +16,7 @@ CROWDED = {"people.people.number": 60}
 
 
 def recorded(tmp_path, name, **changes):
-    quiet = {"output.picture": False, "output.animation": False}
+    quiet = {f"output.{name}": False for name in ("picture", "animation", "replay")}
     run(load_case(name, changes | quiet), tmp_path / "result")
     return read_trajectory(tmp_path / "result")
 
