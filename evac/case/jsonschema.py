@@ -60,7 +60,10 @@ def case_schema(registry: Registry) -> Schema:
 
 def plan_schema() -> Schema:
     """Return the schema of plan files, whose keys are the arguments of the methods of `Plan`."""
-    properties: Schema = {"headroom": {"type": "number", "description": "clear height that people need [m]"}}
+    properties: Schema = {
+        "headroom": {"type": "number", "description": "clear height that people need [m]"},
+        "north": {"type": "number", "description": "direction in plan, counterclockwise from y [degrees]"},
+    }
     for section in SECTIONS:
         method = getattr(Plan, section.removesuffix("s"))
         given = [one for one in inspect.signature(method).parameters.values() if one.name != "self"]

@@ -84,8 +84,9 @@ def test_shipped_cases_are_accepted(name, of_case):
         assert not list(validator.iter_errors(content(name)[0]))
 
 
-def test_the_plan_of_new_cases_is_accepted(of_plan):
-    assert not list(of_plan.iter_errors(tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))))
+@pytest.mark.parametrize("path", [EXAMPLE, Path(__file__).parents[2] / "docs/examples/house.plan.toml"])
+def test_plans_of_new_cases_and_of_the_documents_are_accepted(path, of_plan):
+    assert not list(of_plan.iter_errors(tomllib.loads(path.read_text(encoding="utf-8"))))
 
 
 @pytest.mark.parametrize("name", MIXED)
