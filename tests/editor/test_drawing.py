@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.editor.test_page import Page
+from tests.editor.test_page import CONTROL, SHIFT, Page
 
 PLAN = """\
 [[storeys]]
@@ -61,8 +61,8 @@ def test_a_stair_needs_a_storey_above_which_is_offered(page):
         ((7, 0), (9, 0), None, [7, 0.65]),  # moved aside, to the wall of 0.1 m
         ((9, 2.5), (11, 2.5), "left", [9, 2.5]),
         ((10, 4.3), (7, 4.3), "left", [10, 4.3]),
-        ((15.9, 0.9), (15.9, 3), "left", [15.9, 0.9]),
-        ((14.7, 0.9), (14.7, 3), "left", [15.95, 0.9]),
+        ((15.9, 0.9), (15.9, 3), "left", [16.35, 0.9]),  # which fills a room that is hardly wider
+        ((14.7, 0.9), (14.7, 3), "right", [14.65, 0.9]),  # with the turn that leaves it where it was clicked
     ],
 )
 def test_a_stair_is_of_the_kind_that_fits(page, foot, to, turn, at):
@@ -76,6 +76,10 @@ def test_a_stair_is_of_the_kind_that_fits(page, foot, to, turn, at):
     kinds = page.run("editor.view.judged.levels.map(({ kind }) => kind)")
     assert kinds.count("landing") == (turn is not None)
     assert ("U-shaped" in page.text("#told")) == (turn is not None)
+    is_filled = foot[0] > 14
+    assert (stair.get("gap"), stair.get("landing")) == (
+        (0.5, pytest.approx(1.58, abs=0.01)) if is_filled else (None, None)
+    )
     rooms = [row["polygon"] for row in page.plan["rooms"]]
     room = next(ring for ring in rooms if ring[0][0] < foot[0] < ring[1][0])
     pieces = page.run("editor.view.judged.levels.filter(({ kind }) => kind !== 'floor').flatMap((one) => one.polygons)")
@@ -103,24 +107,86 @@ def test_stairs_of_shafts_have_names_of_their_own(page):
     assert page.run("editor.store.now.unique('shafts', 'stair A')") == "stair C"
 
 
-def test_an_exit_along_several_rooms_is_one_of_each(page):
+def test_an_exit_along_rooms_with_no_way_between_them_is_one_of_each(page):
+    page.judged()
     page.keys("e")
     page.drag((2, 0), (9, 0))
-    assert "one for each room" in page.text("#told")
+    assert page.text("#told") == "Exit, exit 2 added"
     found = segments(page, "exits")
     assert found["exit"] == pytest.approx([2, 0, 5.9, 0])
     assert found["exit 2"] == pytest.approx([6.1, 0, 9, 0])
     assert [row["segment"]["rooms"] for row in page.plan["exits"]] == [["a"], ["b"]]
 
 
-def test_each_part_of_an_exit_can_be_selected(page):
-    page.run(
-        "editor.store.commit(editor.store.now.add('exits', { name: 'wide', storey: 'ground', "
-        "segment: [[[7, 0], [8, 0]], [[10, 0], [11, 0]]] }))"
-    )
-    page.click((10.5, 0))
-    assert page.text("#inspector h2") == "Exit wide"
-    assert page.text("#inspector p") == "2.00 m wide, in 2 parts"
+def test_an_exit_along_joined_rooms_is_one_with_a_part_in_each(page):
+    page.keys("d")
+    page.click((6, 2))
+    page.judged()
+    page.keys("e")
+    page.drag((2, 0), (9, 0))
+    assert page.row("exits", "exit")["segment"] == [[[2, 0], [5.9, 0]], [[6.1, 0], [9, 0]]]
+    page.judged()
+    (exit,) = page.run("editor.view.judged.segments.exits")
+    assert exit["ends"] == [pytest.approx([2, 0, 5.9, 0]), pytest.approx([6.1, 0, 9, 0])]
+    page.keys("v")
+    page.click((11, 2), (8, 0))
+    assert page.text("#inspector h2") == "Exit"
+    assert page.text("#inspector p") == "6.80 m wide, in 2 parts"
+
+
+def test_doors_along_several_rooms_are_one_of_each(page):
+    page.keys("r")
+    page.drag((0, 5), (14, 8))
+    page.keys("d")
+    page.drag((2, 5), (9, 5))
+    assert sorted(row["segment"]["rooms"] for row in page.plan["doors"]) == [["a", "room"], ["b", "room"]]
+
+
+def test_several_rooms_are_given_a_use_and_deleted_at_once(page):
+    page.click((1, 2))
+    page.click((8, 2), modifiers=SHIFT)
+    assert page.text("#inspector h2") == "Room b and 1 more"
+    page.type("Use", "office")
+    assert [row.get("use") for row in page.plan["rooms"]] == ["office", "office", None]
+    page.keys("a", modifiers=CONTROL)
+    page.type("People", "7")
+    assert [row["people"] for row in page.plan["rooms"]] == [7, 7, 7]
+    page.click((15, 2), modifiers=SHIFT)
+    page.keys("Delete")
+    assert [row["name"] for row in page.plan["rooms"]] == ["stairs"]
+
+
+def test_the_use_of_a_room_stands_in_it(page):
+    page.run("editor.texts = [], editor.view.text = (words) => editor.texts.push(words)")
+    page.run("editor.store.commit(editor.store.now.put({ section: 'rooms', index: 1 }, 'use', 'office'))")
+    page.browser.settle()
+    assert "office" in page.run("editor.texts")
+
+
+def test_a_room_that_reaches_out_of_the_view_is_shown_whole(page):
+    page.keys("r")
+    page.click((0, 6))
+    page.browser.mouse("mouseMoved", *page.spot(3, 7))
+    page.keys("4", "0", "x", "2")
+    assert page.run("editor.tools.box") == [[0, 6], [40, 8]]
+    page.keys("Enter")
+    left, _ = page.spot(40, 8)
+    right = page.run("document.getElementById('view').getBoundingClientRect().right")
+    assert page.row("rooms", "room")["polygon"] == [[0, 6], [40, 6], [40, 8], [0, 8]]
+    assert left < right
+
+
+def test_what_a_click_would_make_is_shown_under_the_pointer_only(page):
+    page.run("editor.lines = 0, editor.view.ghosts = () => (editor.lines += 1, [])")
+    page.keys("d")
+    page.browser.mouse("mouseMoved", *page.spot(6, 2))
+    page.browser.settle()
+    assert page.run("editor.lines") > 0
+    page.browser.mouse("mouseMoved", 5, 5)
+    page.browser.settle()
+    page.run("editor.lines = 0, editor.view.draw()")
+    page.browser.settle()
+    assert page.run("editor.lines") == 0
 
 
 def test_an_exit_is_dragged_round_the_corner_of_a_room(page):

@@ -60,11 +60,13 @@ class Page:
                 const [left, top] = editor.view.spot([{x}, {y}]); return [box.left + left, box.top + top]; }})()"""
         )
 
-    def click(self, *points):
+    def click(self, *points, modifiers=0):
         for point in points:
             at = self.spot(*point)
             self.browser.mouse("mouseMoved", *at)
-            self.browser.click(*at)
+            self.browser.mouse("mousePressed", *at, 1, modifiers=modifiers)
+            self.browser.mouse("mouseReleased", *at, modifiers=modifiers)
+            self.browser.settle()
 
     def drag(self, start, end):
         (x1, y1), (x2, y2) = self.spot(*start), self.spot(*end)

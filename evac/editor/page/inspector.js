@@ -11,7 +11,7 @@ const FIELDS = {
   stairs: { lower: ["From storey", STOREY], upper: ["To storey", STOREY], length: ["Length [m]", NUMBER], turn: ["Turn", BENT], gap: ["Gap [m]", NUMBER], landing: ["Landing [m]", NUMBER], landings: ["Landings", NUMBER] },
   flights: { stair: ["Stair", TEXT], lower_z: ["From height [m]", NUMBER], upper_z: ["To height [m]", NUMBER] },
   landings: { stair: ["Stair", TEXT], z: ["Height [m]", NUMBER] },
-  doors: { outside: ["With no room behind", ["", "refuse", "exit", "opening"]] },
+  doors: { outside: ["If it leads outside", ["", "refuse", "exit", "opening"]] },
   areas: {}, obstacles: {}, lifts: {}, exits: {}, openings: {},
 };
 const node = (tag, text = "", values = {}) => Object.assign(document.createElement(tag), { textContent: text }, values);
@@ -49,24 +49,28 @@ class Inspector {
     const index = this.table.rows("storeys").indexOf(storey), ref = selected ?? { section: "storeys", index }, row = this.table.row(ref);
     if (!row) return box.replaceChildren(node("h2", "Nothing is selected"));
     if (!selected && document.body.classList.contains("fixed")) return box.replaceChildren(node("h2", `Storey ${row.name}`), node("p", "This building is no plan: it is shown, and cannot be drawn on here"));
-    const { section } = ref, isGround = ref.part !== undefined, what = selected ? singular(section) : "storey", commit = (next) => this.store.commit(next);
-    const set = (key) => (value) => commit(this.table.put(ref, key, value)), isOfCase = [...CASE, "case"].includes(section), isNamed = !isGround && !["behaviours", "case", ...PIECES].includes(section), parts = [node("h2", heading(what, row.name ?? row.stair ?? (isNamed ? "" : ref.index ?? "")))];
-    if (isNamed) parts.push(this.field("Name", row.name, TEXT, (name) => { if (name && name !== row.name) { if (what === "storey") this.act.renamed(name); commit(this.table.rename(ref, name)); } }));
+    const { section } = ref, isGround = ref.part !== undefined, what = selected ? singular(section) : "storey", commit = (next) => this.store.commit(next), more = this.view.also.length;
+    const set = (key) => (value) => this.put(ref, key, value), isOfCase = [...CASE, "case"].includes(section), isNamed = !isGround && !["behaviours", "case", ...PIECES].includes(section), parts = [node("h2", heading(what, row.name ?? row.stair ?? (isNamed ? "" : ref.index ?? "")) + (more ? ` and ${more} more` : ""))];
+    if (isNamed && !more) parts.push(this.field("Name", row.name, TEXT, (name) => { if (name && name !== row.name) { if (what === "storey") this.act.renamed(name); commit(this.table.rename(ref, name)); } }));
     if (isOfCase) parts.push(...this.forms.fieldsOf(ref, row));
     if (section === "rooms") parts.push(...this.use(ref, row));
-    if (!isOfCase && !isGround) for (const [key, [label, kind]] of Object.entries(FIELDS[section])) parts.push(this.field(label, row[key], kind, set(key)));
-    if (section === "lifts") parts.push(this.stops(ref, row), ...this.forms.operation(ref, row));
-    if (what !== "storey" && !isOfCase) parts.push(...this.sizes(ref, row));
+    if (!isOfCase && !isGround) for (const [key, [label, kind]] of Object.entries(FIELDS[section])) if (key !== "outside" || !row.segment?.rooms?.[1]) parts.push(this.field(label, row[key], kind, set(key)));
+    if (STAIRS.includes(section) && this.table.content.case && !more) parts.push(...this.moving(row));
+    if (section === "lifts" && !more) parts.push(this.stops(ref, row), ...this.forms.operation(ref, row));
+    if (what !== "storey" && !isOfCase && !more) parts.push(...this.sizes(ref, row));
     const actions = node("div", "", { className: "actions" });
-    if (selected && !isGround && !["behaviours", "case"].includes(section)) actions.append(this.button("Duplicate", "Ctrl+D", this.act.duplicate));
+    if (selected && !isGround && !more && !["behaviours", "case"].includes(section)) actions.append(this.button("Duplicate", "Ctrl+D", this.act.duplicate));
     if (section === "openings") actions.append(this.button("Make it an exit", "", () => { commit(this.table.remove(ref).add("exits", row)); this.act.select({ section: "exits", index: this.table.rows("exits").length - 1 }); }));
     if (selected || this.table.storeys.length > 1) actions.append(this.button("Delete", "Delete", this.act.remove));
     refill(box, [...parts, actions]);
   }
 
+  // Gives a key of all that is selected a value.
+  put(ref, key, value) { this.store.commit([ref, ...this.view.also].reduce((table, one) => table.put(one, key, value), this.table)); }
+
   // The use of a room: from the table of loads, or another one, which groups of the case name.
   use(ref, row) {
-    const { loads } = this, load = loads[row.use], set = (use) => this.store.commit(this.table.put(ref, "use", use));
+    const { loads } = this, load = loads[row.use], set = (use) => this.put(ref, "use", use);
     const held = ({ ground }) => ground ? `${ground} m² a person` : "nobody", all = [...new Set([...Object.keys(loads), ...this.table.rows("rooms").map(({ use }) => use)])].filter(Boolean);
     const box = this.field("Use", row.use, ["", ...all, OTHER_USE], (use) => {
       if (use !== OTHER_USE) return set(use);
@@ -76,6 +80,13 @@ class Inspector {
     });
     for (const option of box.querySelectorAll("option")) if (loads[option.value]) option.textContent += `: ${held(loads[option.value])}`;
     return row.use ? [box, node("p", load ? `${capital(held(load))} (${load.source})${row.people === undefined && row.density === undefined ? "" : ", unless stated below"}` : "No load is known: state the people below, or in a group")] : [box];
+  }
+
+  // How the ground of a stair moves, which is then an escalator.
+  moving({ name }) {
+    const now = this.table.movingOf(name), commit = (moving) => this.store.commit(this.table.move(name, moving));
+    const speed = this.field("Moves at [m/s]", now?.speed, NUMBER, (value) => commit(value === undefined ? undefined : { ...MOVING, ...now, speed: value }));
+    return now ? [speed, this.field("Towards", now.towards ?? "up", [...new Set(["up", "down", now.towards ?? "up"])], (towards) => commit({ ...now, towards }))] : [speed];
   }
 
   // The storeys at which a lift stops, the highest first.
@@ -101,8 +112,9 @@ class Inspector {
     const line = ON_WALLS.includes(ref.section) && this.view.lineOf(ref, row), lines = line ? this.view.linesOf(ref, row) : [], found = [];
     const commit = (next) => this.store.commit(next);
     if (isTie(row.segment)) {
-      for (const [key, label] of [["width", "Width [m]"], ["at", "At [m]"]]) found.push(this.field(label, row.segment[key], NUMBER, (value) => { const { [key]: _, ...rest } = row.segment; commit(this.table.put(ref, "segment", value === undefined ? rest : { ...rest, [key]: value })); }));
-      found.push(node("p", `On the wall of ${row.segment.rooms.join(" and ")}`));
+      for (const [key, label] of [["width", "Width [m]"], ["at", "Middle at [m]"]]) found.push(this.field(label, row.segment[key], NUMBER, (value) => { const { [key]: _, ...rest } = row.segment; commit(this.table.put(ref, "segment", value === undefined ? rest : { ...rest, [key]: value })); }));
+      const [start] = this.table.wallOf(row.segment, row.storey) ?? [];
+      found.push(node("p", `On the wall of ${row.segment.rooms.join(" and ")}${start ? `, from its end at ${start.map(mm).join(", ")}` : ""}`));
     } else if (line && lines.length > 1) {
       found.push(node("p", `${wide(lines).toFixed(2)} m wide, in ${lines.length} parts`));
     } else if (line) {

@@ -2,8 +2,9 @@
 
 const PAGE = Array.from(crypto.getRandomValues(new Uint32Array(2)), (word) => word.toString(36)).join("");  // Of several that are open.
 const UNDRAWN = ["select", "measure"];  // Tools that change no building.
+const OF_CASE = ["escalator"];  // Tools that change the case, too.
 const KEYS = [
-  ["V, R, W, D, E, S, U, L, G, A, O, M, P", "tools: select, room, wall, door, exit, stair, lift, flight, landing, area, obstacle, measure, picture"],
+  ["V, R, W, D, E, S, K, U, L, G, A, O, M, P", "tools: select, room, wall, door, exit, stair, escalator, lift, flight, landing, area, obstacle, measure, picture"],
   ["Click, Enter", "with a tool: the next point; at the first one again, the outline ends"],
   ["Arrows, with Shift 1 m", "move what is selected, or the cross with which one draws, by 0.1 m"],
   ["Digits", "while drawing: a length, or 6x4 a rectangle, then Enter"],
@@ -11,6 +12,7 @@ const KEYS = [
   ["N, Shift+N", "select the next thing of the storey, the one before"],
   ["C", "next wall or corner of what is selected, which arrows then move"],
   ["I", "type the values of what is selected"],
+  ["Shift+click, Ctrl+A", "select several, all of the kind that is selected; values and Delete are then for all"],
   ["Delete, Ctrl+D", "delete, duplicate"],
   ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"],
   ["Page up, Page down", "next storey up, down"],
@@ -49,13 +51,26 @@ async function start() {
     storey: () => view.storey,
     say(text) { by("told").textContent = text; },
 
-    select(ref) {
+    // Selects something, and others of its kind.
+    select(ref, also = []) {
       if (ref) document.querySelector("aside").scrollTop = 0;
-      view.selected = ref;
+      Object.assign(view, { selected: ref, also });
       inspector.show(ref);
       forms.showRail(ref);
       timeline?.show(ref);
       view.draw();
+    },
+
+    // Takes something to what is selected, or out of it.
+    toggle({ section, index }) {
+      const all = [view.selected, ...view.also].map((one) => one.index), [first, ...also] = (all.includes(index) ? all.filter((one) => one !== index) : [index, ...all]).map((one) => ({ section, index: one }));
+      act.select(first ?? null, also);
+    },
+
+    // Selects all of the kind that is selected, or all rooms.
+    selectAlike() {
+      const { section } = view.selected ?? { section: "rooms" }, [first, ...also] = store.now.on(view.storey).filter((one) => one.section === section && one.part === undefined);
+      if (first) act.select(first, also);
     },
 
     goTo(name) {
@@ -107,15 +122,15 @@ async function start() {
     remove() {
       const ref = view.selected ?? { section: "storeys", index: store.now.rows("storeys").findIndex(({ name }) => name === view.storey) };
       if (store.now.row(ref) && (opened.is_drawn || ref.section !== "storeys")) {
-        const { corner, side, door, ...whole } = ref;
-        view.selected = null;
-        store.commit(store.now.remove(whole));
+        const { corner, side, door, ...whole } = ref, all = [whole, ...view.also].sort((a, b) => b.index - a.index);
+        Object.assign(view, { selected: null, also: [] });
+        store.commit(all.reduce((table, one) => table.remove(one), store.now));
       }
     },
 
     duplicate() {
       const ref = view.selected;
-      if (!ref || ref.part !== undefined) return;
+      if (!ref || ref.part !== undefined || view.also.length) return;
       view.selected = { section: ref.section, index: store.now.rows(ref.section).length };
       store.commit(store.now.duplicate(ref));
     },
@@ -191,7 +206,7 @@ async function start() {
 
   function changed() {
     if (!store.now.storey(view.storey)) view.storey = store.now.storeys[0]?.name ?? "";
-    if (view.selected && !store.now.row(view.selected)) view.selected = null;
+    if ([view.selected, ...view.also].some((ref) => ref && !store.now.row(ref))) Object.assign(view, { selected: null, also: [] });
     inspector.show(view.selected);
     inspector.showStoreys();
     forms.showRail(view.selected);
@@ -290,12 +305,13 @@ async function start() {
     events.addEventListener("open", () => { if (isLost) act.say(""); isLost = isAsked = false; check(); });
   }
 
+  const isUsable = (name) => (opened.is_drawn || UNDRAWN.includes(name)) && (isCase || !OF_CASE.includes(name));
   const fit = () => { if (by("view").hidden) view3d.fit(); else view.fit(); };
   const actions = { undo: () => store.undo(), redo: () => store.redo(), save: act.save, "view-plan": () => showView(false), "view-3d": () => showView(true), fit, theme: act.theme, "show-help": () => by("help").showModal(), "take-file": act.takeFile, "keep-mine": act.keepMine,
     "add-storey": () => { const name = store.now.unique("storeys", `storey ${store.now.storeys.length}`), top = store.now.storeys.at(-1), z = top ? mm((top.z ?? 0) + store.now.heightOf(top.name)) : 0; view.storey = name; store.commit(store.now.addStorey({ name, z, ...(top?.wall === undefined ? {} : { wall: top.wall }) })); act.say("Draw its rooms"); } };
   for (const [name, action] of Object.entries(actions)) by(name).addEventListener("click", action);
   by("copy").addEventListener("submit", (event) => { event.preventDefault(); act.copyUp(by("copies").valueAsNumber); });
-  for (const [name, { key }] of Object.entries(TOOLS).filter(([name]) => opened.is_drawn || UNDRAWN.includes(name))) {
+  for (const [name, { key }] of Object.entries(TOOLS).filter(([name]) => isUsable(name))) {
     const button = node("button", capital(name), { type: "button", value: name });
     button.append(node("kbd", key.toUpperCase()));
     button.addEventListener("click", () => tools.choose(name));
@@ -306,11 +322,11 @@ async function start() {
   addEventListener("keydown", (event) => {
     const key = event.key.toLowerCase(), isTyped = event.target.matches?.("input, select, textarea"), isControl = event.ctrlKey || event.metaKey;
     if (document.querySelector("dialog[open]")) return;
-    const control = isControl && { z: event.shiftKey ? actions.redo : actions.undo, y: actions.redo, s: act.save, d: act.duplicate, enter: () => running.toggle() }[key];
+    const control = isControl && { z: event.shiftKey ? actions.redo : actions.undo, y: actions.redo, s: act.save, d: act.duplicate, a: act.selectAlike, enter: () => running.toggle() }[key];
     if (control && (!isTyped || key === "s" || key === "enter")) { event.preventDefault(); control(); return; }
     if (isTyped || isControl || event.altKey) return;
     if (event.target === view.canvas && tools.key(event)) return event.preventDefault();
-    const tool = Object.keys(TOOLS).find((name) => TOOLS[name].key === key && (opened.is_drawn || UNDRAWN.includes(name)));
+    const tool = Object.keys(TOOLS).find((name) => TOOLS[name].key === key && isUsable(name));
     const other = { n: () => act.next(event.shiftKey ? -1 : 1), c: act.nextPart, i: () => by("inspector").querySelector("input")?.select(), delete: act.remove, backspace: act.remove, pageup: () => act.climb(1), pagedown: () => act.climb(-1), 3: () => showView(by("view3d").hidden), f: fit, "+": () => view.zoomAt(1.25, [view.x, view.y]), "-": () => view.zoomAt(0.8, [view.x, view.y]), t: act.theme, "?": actions["show-help"], escape: () => { if (tools.points.length || tools.tool === "select") tools.cancel(); else tools.choose("select"); act.select(null); view.canvas.focus(); } }[key];
     if (!tool && !other) return;
     event.preventDefault();

@@ -13,7 +13,7 @@ function coloursOf(...names) {
 
 class PlanView {
   constructor(canvas, store) {
-    Object.assign(this, { canvas, store, pen: canvas.getContext("2d"), x: 0, y: 0, zoom: 20, judged: null, people: {}, findings: [], selected: null, storey: "", frames: 0, paintTime: 0 });
+    Object.assign(this, { canvas, store, pen: canvas.getContext("2d"), x: 0, y: 0, zoom: 20, judged: null, people: {}, findings: [], selected: null, also: [], storey: "", frames: 0, paintTime: 0 });
   }
 
   get table() { return this.store.now; }
@@ -51,6 +51,14 @@ class PlanView {
     this.x = centre(x) - TOOLS_WIDE / 2 / this.zoom;
     this.draw();
   }
+
+  // Shows everything if something that was drawn reaches out of the view.
+  frame(rows) {
+    const [w, h] = this.size;
+    if (rows.flatMap(ringsOf).flat().map((corner) => this.spot(corner)).some(([left, top]) => left < 0 || top < 0 || left > w || top > h)) this.fit();
+  }
+
+  isSelected(ref) { return [this.selected, ...this.also].some((one) => one && ref.section === one.section && ref.index === one.index && ref.part === one.part); }
 
   // Moves the view so that a point is seen.
   reveal(point) {
@@ -116,7 +124,7 @@ class PlanView {
     const shaft = refs.find((ref) => STAIRS.includes(ref.section) && stair && stair.startsWith(this.table.row(ref).name));
     if (shaft) return { ref: shaft };
     const outlines = refs.filter(({ section }) => OUTLINED.includes(section)).flatMap((ref) => this.table.outlines(ref).map((ring) => ({ ref, ring, size: Math.abs(areaOf(ring)) })));
-    const isChosen = ({ ref }) => this.selected && ref.section === this.selected.section && ref.index === this.selected.index;
+    const isChosen = ({ ref }) => this.isSelected(ref);
     outlines.sort((a, b) => isChosen(b) - isChosen(a) || a.size - b.size);
     for (const { ref, ring } of outlines) {
       const corner = ring.find((one) => length(minus(one, point)) < reach);
@@ -241,7 +249,7 @@ class PlanView {
 
   paintRows() {
     const { pen, look, zoom, table, selected } = this;
-    const isSelected = (ref) => selected && ref.section === selected.section && ref.index === selected.index && ref.part === selected.part;
+    const isSelected = (ref) => this.isSelected(ref);
     const rows = [...this.table.originals(this.storey).flatMap((name) => table.on(name).filter(({ section }) => ["areas", "obstacles"].includes(section))), ...table.on(this.storey)];
     for (const ref of rows.filter(({ section }) => OUTLINED.includes(section))) {
       const outlines = table.outlines(ref);
@@ -307,11 +315,11 @@ class PlanView {
   paintTool() {
     const { pen, look, zoom, tools: { tool, points, at, lines, measured, isByKeys } } = this, far = 1e4;
     for (const [i, value] of lines) this.line(i ? [[-far, value], [far, value]] : [[value, -far], [value, far]], look.mark, 1 / zoom);
-    const shown = measured ?? (this.tools.isBox ? [...rectangle(points[0], at), points[0]] : points.length ? [...points, at] : []);
+    const { box } = this.tools, shown = measured ?? (box ? [...rectangle(...box), points[0]] : points.length ? [...points, at] : []);
     for (let k = 1; k < shown.length; k++) this.line([shown[k - 1], shown[k]], look.mark, 2 / zoom);
     for (const point of shown) this.dot(point, look.mark);
-    if (tool === "stair" && points.length) this.paintGhost();
-    if (this.tools.isOnWalls) for (const ends of this.ghosts()) this.line(ends, look.mark, Math.max(0.12, 5 / zoom));
+    if (this.tools.isStair && points.length && keyOf(points[0]) !== keyOf(at)) this.paintGhost();
+    if (this.tools.isOnWalls && (this.tools.isOver || isByKeys)) for (const ends of this.ghosts()) this.line(ends, look.mark, Math.max(0.12, 5 / zoom));
     if (isByKeys) for (const i of [0, 1]) this.line([-1, 1].map((sign) => at.map((value, k) => value + (k === i ? sign * 12 / zoom : 0))), look.mark, 2 / zoom);
   }
 
@@ -320,7 +328,8 @@ class PlanView {
 
   // The stair that is being drawn, of the kind and as long as it would be.
   paintGhost() {
-    const { tools, look, zoom, pen } = this, { outline, isFit } = tools.stairOf([tools.points[0], tools.at]);
+    const { tools, look, zoom, pen } = this, { outline, isFit, row } = tools.stairOf([tools.points[0], tools.at]);
+    this.line(this.lineOf({ section: "shafts" }, row), look.mark, 5 / zoom);
     this.path([outline]);
     Object.assign(pen, { strokeStyle: isFit ? look.mark : look.error, lineWidth: 1.5 / zoom });
     pen.stroke();
@@ -332,6 +341,9 @@ class PlanView {
     pen.strokeText(words, left + dx, top + dy);
     pen.fillText(words, left + dx, top + dy);
   }
+
+  // The name of something; of an escalator with the way in which it moves.
+  nameOf({ name = "" }) { const moving = this.table.movingOf(name); return moving ? `${name} ${{ up: "\u2191", down: "\u2193" }[moving.towards ?? "up"] ?? ""}` : name; }
 
   // What stands beside a door, an exit or the foot of a stair: of exits outside.
   nameLine(section, name, line, lines = [line]) {
@@ -347,18 +359,19 @@ class PlanView {
     const { table, look, zoom } = this, named = [this.storey, ...table.originals(this.storey)];
     for (const ref of named.flatMap((name) => table.on(name))) {
       const row = table.row(ref), isOwn = row.storey === this.storey || row.lower === this.storey, line = [...ON_WALLS, ...STAIRS].includes(ref.section) && isOwn && this.lineOf(ref, row);
-      if (line && zoom > 8) this.nameLine(ref.section, row.name ?? "", line, this.linesOf(ref, row));
+      if (line && zoom > 8) this.nameLine(ref.section, this.nameOf(row), line, this.linesOf(ref, row));
       const [ring] = table.rings(ref);
       if ([...POLYGONS, "lifts"].includes(ref.section) && ring && Math.sqrt(Math.abs(areaOf(ring))) * zoom > 45) {
         const [x, y] = [0, 1].map((i) => range(ring, (corner) => corner[i])), isArea = ref.section === "areas";  // Whose names are at their upper edge.
         this.text(row.name ?? "", [centre(x), isArea ? y[1] : centre(y)], ref.section === "rooms" ? look.text : look.soft, [0, isArea ? 12 : ref.section === "rooms" ? -8 : 0], ref.section === "rooms" ? 600 : 400);
+        if (ref.section === "rooms") this.text([row.use, row.people === undefined ? "" : `${row.people} people`].filter(Boolean).join(", "), [centre(x), centre(y)], look.soft, [0, 8]);
       }
     }
     if (zoom > 8) for (const { section, name, ends } of this.others()) this.nameLine(section, name, ends);
-    const { tools: { tool, points, at, typed, isOnWalls, drag } } = this, mark = (words, place, top = -12) => this.text(words, place, look.mark, [0, top], 700), isBox = this.tools.isBox, last = points.at(-1);
-    if (typed) mark(`${typed} m`, middle([last, at]));
-    else if (isBox) mark(`${Math.abs(at[0] - last[0]).toFixed(2)} × ${Math.abs(at[1] - last[1]).toFixed(2)} m`, middle([last, at]), 0);
-    else if (tool === "stair" && last) { const { kind, outline, isFit } = this.tools.stairOf([last, at]); mark(isFit ? kind : "does not fit here", [0, 1].map((i) => centre(range(outline, (corner) => corner[i]))), 0); }
+    const { tools: { tool, points, at, typed, isOnWalls, drag } } = this, mark = (words, place, top = -12) => this.text(words, place, look.mark, [0, top], 700), { box } = this.tools, last = points.at(-1);
+    if (box) mark(`${box[0].map((value, i) => Math.abs(box[1][i] - value).toFixed(2)).join(" × ")} m`, middle(box), 0);
+    else if (typed) mark(`${typed} m`, middle([last, at]));
+    else if (this.tools.isStair && last && keyOf(last) !== keyOf(at)) { const { kind, outline, isFit } = this.tools.stairOf([last, at]); mark(isFit ? kind : "does not fit here", [0, 1].map((i) => centre(range(outline, (corner) => corner[i]))), 0); }
     else if (last) mark(`${length(minus(at, last)).toFixed(2)} m`, middle([last, at]));
     if (isOnWalls && drag?.kind === "draw") for (const ends of this.ghosts()) mark(`${length(minus(...ends)).toFixed(2)} m`, middle(ends));
     if (this.tools.measured) this.text(`${length(minus(...this.tools.measured)).toFixed(3)} m`, middle(this.tools.measured), look.mark, [0, -12], 700);

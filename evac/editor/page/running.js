@@ -26,6 +26,7 @@ class Running {
   }
 
   show(state) {
+    const hasEnded = this.isOn && state.phase !== "running";
     const { phase, text = "", answer = [], files = [], status = "none", when, people = {} } = state, first = answer[0] ?? text;
     this.state = state;
     for (const view of [this.view, this.view3d]) {
@@ -41,6 +42,7 @@ class Running {
     by("report").hidden = phase !== "ended" || files.includes("report.html");
     by("results").replaceChildren(...files.map((name) => node("a", capital(name.replace(".html", "")), { href: `result/${name}`, target: "_blank", rel: "noopener" })));
     by("run-box").dataset.phase = phase;
+    if (hasEnded) by("run-box").scrollIntoView();
   }
 
   // A result is of what was drawn when it was made.

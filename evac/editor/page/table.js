@@ -233,6 +233,15 @@ class Table {
     return this.with(changes);
   }
 
+  // How the ground of a stair moves, which is then an escalator: in the case, by the name of the stair.
+  movingOf(name) { return this.content.case?.building?.moving?.[name]; }
+
+  move(name, moving) {
+    if (this.movingOf(name) === moving) return this;
+    const { case: given } = this.content, { [name]: _, ...others } = given.building.moving ?? {}, all = moving ? { ...others, [name]: moving } : others;
+    return new Table({ ...this.content, case: { ...given, building: stated({ ...given.building, moving: Object.keys(all).length ? all : undefined }) } });
+  }
+
   // A name that no other row has: with a number, or of a shaft, whose stairs are numbered, with a letter.
   unique(section, name) {
     const stairs = [...STAIRS, ...PIECES], taken = new Set((stairs.includes(section) ? stairs : [section]).flatMap((one) => this.rows(one).map((row) => row.name ?? row.stair)));
@@ -250,6 +259,7 @@ class Table {
       const renamed = (row, keys) => Object.assign({ ...row }, ...keys.filter((key) => row[key] === old.name).map((key) => ({ [key]: name })));
       return next.mapRows((row) => renamed(row, ["storey", "lower", "upper", "like"])).mapRows((row) => stated({ ...row, storeys: row.storeys.map(swap), operation: row.operation && renamed(row.operation, ["discharge", "start"]) }), ["lifts"]);
     }
+    if (STAIRS.includes(ref.section)) return next.move(old.name, undefined).move(name, this.movingOf(old.name));
     if (ref.section !== "rooms") return next;
     return next.mapRows((row) => row.storey !== old.storey ? row : Object.assign({ ...row }, ...["segment", "polygon"].filter((key) => isTie(row[key])).map((key) => ({ [key]: tied(row[key]) }))), ["doors", "exits", "areas"]);
   }
@@ -266,6 +276,7 @@ class Table {
       const isOn = (one) => one.storey === row.storey && [one.segment, one.polygon].some((shape) => isTie(shape) && shape.rooms.includes(row.name));
       return next.with(Object.fromEntries([...ON_WALLS, "areas"].filter((section) => next.rows(section).some(isOn)).map((section) => [section, next.rows(section).filter((one) => !isOn(one))])));
     }
+    if (STAIRS.includes(ref.section)) return next.move(row.name, undefined);
     if (ref.section !== "storeys") return next;
     const all = this.storeys.map((one) => one.name), at = all.indexOf(row.name), changes = {};
     for (const section of [...POLYGONS, ...ON_WALLS, "stairs"]) if (next.content[section]) changes[section] = next.rows(section).filter((one) => ![one.storey, one.lower, one.upper].includes(row.name));
@@ -284,7 +295,9 @@ class Table {
   duplicate(ref) {
     const row = this.row(ref), copy = { ...moved(row, (corner) => plus(corner, [1, 1])) };
     if (isTie(row.segment) && row.segment.at !== undefined) copy.segment = { ...row.segment, at: mm(row.segment.at + 1) };
-    return this.add(ref.section, row.name === undefined ? copy : { ...copy, name: this.unique(ref.section, row.name) });
+    if (row.name === undefined) return this.add(ref.section, copy);
+    copy.name = this.unique(ref.section, row.name);
+    return this.add(ref.section, copy).move(copy.name, STAIRS.includes(ref.section) ? this.movingOf(row.name) : undefined);
   }
 
   // A storey above all others, after the topmost one in the order of the file, which shafts follow up or down.
@@ -309,7 +322,7 @@ class Table {
     }
     next = next.mapRows((row) => row.upper === top.name ? { ...row, upper: copies.at(-1) } : row, ["shafts"]).mapRows((row) => row.storeys.includes(top.name) ? { ...row, storeys: [...row.storeys, ...copies] } : row, ["lifts"]);
     for (const row of this.rows("stairs").filter(({ upper }) => upper === top.name)) {
-      [top.name, ...copies].slice(0, -1).forEach((lower, k) => { next = next.add("stairs", { ...row, name: next.unique("stairs", row.name), lower, upper: copies[k] }); });
+      [top.name, ...copies].slice(0, -1).forEach((lower, k) => { const name = next.unique("stairs", row.name); next = next.add("stairs", { ...row, name, lower, upper: copies[k] }).move(name, this.movingOf(row.name)); });
     }
     return next;
   }

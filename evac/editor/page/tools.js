@@ -1,18 +1,22 @@
 // What the pointer and the keyboard do in plan: select, move, and draw with one tool after the other.
 
 const WIDTHS = { door: 0.9, exit: 1.2, wall: 0.1, lift: 1 };  // Of what is drawn [m].
-const STAIR = { width: 1.2, gap: 0.1 };  // Of a flight, and between the two of a U-shaped stair [m].
-const STEP = { rise: 0.17, going: 0.28 };  // Of stairs [m].
+const STAIR = { width: 1.2, rise: 0.17, going: 0.28 };  // [m]
+const ESCALATOR = { width: 1, rise: 0.2, going: 0.346 };  // Of steps of 1 m at 30 degrees [m].
+const MOVING = { speed: 0.5, towards: "up" };  // Of most escalators [m/s].
+const GAP = 0.1;  // Between the flights of a U-shaped stair [m].
+const BESIDE = 0.6, BEHIND = 2;  // A U-shaped stair takes floor that is narrower, beside and behind it [m].
 const GROUND = 0.2;  // Of a car for each person it holds [m²].
 const BEFORE = 0.7;  // Floor begins at most so far from the door of a lift [m].
 const DRAGGED = 4;  // [pixels]
 const TOOLS = {
-  select: { key: "v", points: 0, hint: "Click to select, drag walls, corners and what is selected; drag the ground to move the view" },
+  select: { key: "v", points: 0, hint: "Click to select, with Shift several; drag walls, corners and what is selected; drag the ground to move the view" },
   room: { key: "r", points: Infinity, section: "rooms", hint: "Drag a rectangle, or click corner after corner and the first one again; digits are a length, 6x4 a rectangle" },
   wall: { key: "w", points: 2, section: "obstacles", hint: "Click on both ends; digits are a length" },
   door: { key: "d", points: 1, section: "doors", hint: "Click on a wall between two rooms, or drag along it" },
   exit: { key: "e", points: 1, section: "exits", hint: "Click on an outer wall, or drag along it" },
   stair: { key: "s", points: 2, section: "shafts", hint: "Click on the middle of the lowest step, then on where it leads; it turns where a straight one does not fit" },
+  escalator: { key: "k", points: 2, section: "shafts", hint: "Click on the middle of the lower end, then on where it leads; it goes straight up to the storey above, and which way it moves is at the right" },
   lift: { key: "u", points: Infinity, section: "lifts", hint: "Drag a rectangle for its car, beside the floor or on it; it stops on this storey and all above. Its door can be dragged to another side" },
   flight: { key: "l", points: 4, section: "flights", hint: "For other stairs: click on both ends of the lower edge of a flight, then of the upper one; heights are those of what they join" },
   landing: { key: "g", points: Infinity, section: "landings", hint: "Drag a rectangle, or click corner after corner; its height is that of the flight that ends there" },
@@ -28,7 +32,7 @@ const rectangle = ([x1, y1], [x2, y2]) => [[Math.min(x1, x2), Math.min(y1, y2)],
 
 class Tools {
   constructor(store, view, act) {
-    Object.assign(this, { store, view, act, tool: "select", points: [], typed: "", at: [0, 0], lines: [], drag: null, measured: null, isByKeys: false });
+    Object.assign(this, { store, view, act, tool: "select", points: [], typed: "", at: [0, 0], lines: [], drag: null, measured: null, isByKeys: false, isOver: false });
     const { canvas } = view, place = ({ offsetX, offsetY }) => view.place(offsetX, offsetY);
     canvas.addEventListener("pointerdown", (event) => {
       canvas.focus();  // What was typed elsewhere is taken before something else is selected.
@@ -39,6 +43,7 @@ class Tools {
     canvas.addEventListener("pointermove", (event) => this.move(place(event), event));
     canvas.addEventListener("pointerup", (event) => this.release(place(event), event));
     canvas.addEventListener("pointercancel", () => this.cancel());
+    for (const [name, isOver] of [["pointerenter", true], ["pointerleave", false]]) canvas.addEventListener(name, () => { this.isOver = isOver; view.draw(); });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
@@ -50,10 +55,19 @@ class Tools {
   get storey() { return this.view.storey; }
   get isOnWalls() { return ON_WALLS.includes(TOOLS[this.tool].section); }
 
-  get isBox() { return this.drag?.kind === "draw" && this.points.length === 1 && TOOLS[this.tool].points === Infinity; }
+  // The opposite corners of a rectangle that is dragged or typed.
+  get box() {
+    const [from] = this.points;
+    if (this.points.length !== 1 || TOOLS[this.tool].points !== Infinity) return null;
+    const [a, b] = this.typed.split("x").map(Number), way = minus(this.at, from);
+    if (a > 0 && b > 0) return [from, plus(from, [way[0] < 0 ? -a : a, way[1] < 0 ? -b : b])];
+    return this.drag?.kind === "draw" ? [from, this.at] : null;
+  }
+
+  get isStair() { return TOOLS[this.tool].section === "shafts"; }
 
   // Why nothing can be drawn with the tool now; empty if it can.
-  fault() { return ["stair", "lift"].includes(this.tool) && !this.table.above(this.storey) ? `A ${this.tool} leads to the storey above, and there is none.` : ""; }
+  fault() { return ["stair", "escalator", "lift"].includes(this.tool) && !this.table.above(this.storey) ? `${this.tool === "escalator" ? "An" : "A"} ${this.tool} leads to the storey above, and there is none.` : ""; }
 
   choose(tool) {
     this.cancel();
@@ -96,9 +110,10 @@ class Tools {
     this.view.draw();
   }
 
-  // Selects what is at a point, and begins to drag it.
-  pick(point, { offsetX, offsetY }) {
+  // Selects what is at a point, and begins to drag it; with Shift, takes it to what is selected or out of it.
+  pick(point, { offsetX, offsetY, shiftKey }) {
     const hit = this.view.hit(point), was = this.act.selected();
+    if (shiftKey && hit && was?.section === hit.ref.section) return this.act.toggle(hit.ref);
     this.act.select(hit && { ...hit.ref, ...hit.side });
     const isSame = hit && was && was.section === hit.ref.section && was.index === hit.ref.index && was.part === hit.ref.part;
     const kind = !hit ? "pan" : hit.side ? "side" : isSame || ON_WALLS.includes(hit.ref.section) || STAIRS.includes(hit.ref.section) ? "row" : "pan";
@@ -174,11 +189,10 @@ class Tools {
 
   // A length, or two of a rectangle, that was typed: the next point is in the direction of the pointer.
   takeTyped() {
-    const [a, b] = this.typed.split("x").map(Number), from = this.points[this.points.length - 1], way = minus(this.at, from), far = length(way);
+    const { box, typed } = this, a = Number(typed), from = this.points.at(-1), way = minus(this.at, from), far = length(way);
     this.typed = "";
-    if (!(a > 0)) return;
-    if (b > 0) this.finish(rectangle(from, plus(from, [way[0] < 0 ? -a : a, way[1] < 0 ? -b : b])));
-    else {
+    if (typed.includes("x")) return box && this.finish(rectangle(...box));
+    if (a > 0) {
       this.at = plus(from, far ? way.map((value) => value * a / far) : [a, 0]);
       this.addPoint(this.at);
     }
@@ -198,8 +212,8 @@ class Tools {
       return;
     }
     let { rows, told } = { rows: [{ storey, polygon: tool === "wall" ? stripOf(points, WIDTHS.wall) : points }], told: "" };
-    if (this.isOnWalls) rows = this.linesAt(points[0], points[1]).map((ends) => ({ storey, segment: table.tied(section, ends, storey) }));
-    else if (tool === "stair") {
+    if (this.isOnWalls) rows = this.waysAlong(this.linesAt(points[0], points[1])).map((lines) => ({ storey, segment: lines.length > 1 ? lines : table.tied(section, lines[0], storey) }));
+    else if (section === "shafts") {
       const { row, kind, isFit } = this.stairOf(points);
       [rows, told] = [[row], `: ${kind}${isFit ? "" : ", which does not fit here"}`];
     }
@@ -210,12 +224,14 @@ class Tools {
     let next = table;
     for (const row of rows) {
       if (row.polygon && areaOf(row.polygon) < 0) row.polygon.reverse();
-      next = next.add(section, PIECES.includes(section) ? row : { name: next.unique(section, tool === "stair" ? "stair A" : tool), ...row });
+      next = next.add(section, PIECES.includes(section) ? row : { name: next.unique(section, section === "shafts" ? `${tool} A` : tool), ...row });
     }
+    if (tool === "escalator") next = next.move(next.rows(section).at(-1).name, MOVING);
     const names = next.rows(section).slice(-rows.length).map(({ name, stair }) => name ?? `${tool} of ${stair}`);
     this.store.commit(next);
     this.act.select({ section, index: next.rows(section).length - 1 });
-    this.act.say(names.length > 1 ? `${capital(names.join(", "))} added: one for each room` : `${capital(names[0])} added${told}`);
+    this.view.frame(rows);
+    this.act.say(`${capital(names.join(", "))} added${told}`);
   }
 
   // A flight between two edges, or a landing: of the stair that it joins, at the height of that.
@@ -246,20 +262,30 @@ class Tools {
     return along.length ? along : [onWall(from, walls, WIDTHS[this.tool])].filter(Boolean);
   }
 
+  // The lines of each door, and of each exit: along rooms whose floors are joined, an exit is one.
+  waysAlong(lines) {
+    if (this.tool !== "exit") return lines.map((line) => [line]);
+    const isBy = (at) => ({ polygons }) => polygons.flat().some((ring) => sidesOf2(ring).some((side) => nearest(at, side).away < WALL)), floors = this.view.levels().filter(({ kind }) => kind === "floor");
+    return Object.values(Object.groupBy(lines, (line, k) => floors.findIndex(isBy(middle(line))) + 1 || -k));
+  }
+
   // A stair from a foot in a direction, of the kind that fits into the room: straight, or else with a half landing, put
-  // aside as far as needed; `outline` is what it takes in plan.
+  // aside as far as needed, which fills a room that is hardly wider; `outline` is what it takes in plan.
   stairOf([foot, to]) {
-    const { table, storey } = this, way = minus(to, foot), far = length(way), [dx, dy] = far > 1e-6 ? way.map((value) => value / far) : [1, 0], { width } = STAIR;
-    const upper = table.above(storey), rise = (upper.z ?? 0) - (table.storey(storey).z ?? 0), run = rise * STEP.going / STEP.rise, wall = (table.storey(storey).wall ?? 0) / 2;
+    const { table, storey } = this, way = minus(to, foot), far = length(way), [dx, dy] = far > 1e-6 ? way.map((value) => value / far) : [1, 0], isEscalator = this.tool === "escalator", { width, rise, going } = isEscalator ? ESCALATOR : STAIR;
+    const upper = table.above(storey), run = ((upper.z ?? 0) - (table.storey(storey).z ?? 0)) * going / rise, wall = (table.storey(storey).wall ?? 0) / 2;
     const at = (along, aside) => [foot[0] + along * dx - aside * dy, foot[1] + along * dy + aside * dx], box = (far, left, right) => [at(0, left), at(far, left), at(far, right), at(0, right)];
     const room = this.view.groundHere().find((ring) => isInside(foot, ring));
-    const own = { lower: storey, upper: upper.name, width, direction: [mm(dx), mm(dy)], ...STEP }, both = 2 * width + STAIR.gap, half = width / 2, bent = run / 2 + width;
-    const sides = room ? range(room, ([x, y]) => (y - foot[1]) * dx - (x - foot[0]) * dy) : [-Infinity, Infinity];
-    const found = [["straight", {}, -half, width, run, width], ["U-shaped, turning left", { turn: "left" }, -half, both, bent, 0], ["U-shaped, turning right", { turn: "right" }, half - both, both, bent, 0]].map(([kind, turn, low, size, far, beyond]) => {
+    const own = { lower: storey, upper: upper.name, width, direction: [mm(dx), mm(dy)], rise, going }, half = width / 2;
+    const sides = room ? range(room, ([x, y]) => (y - foot[1]) * dx - (x - foot[0]) * dy) : [-Infinity, Infinity], [, end] = room ? range(room, ([x, y]) => (x - foot[0]) * dx + (y - foot[1]) * dy) : [0, 0];
+    const inner = sides[1] - sides[0] - 2 * wall - 2 * width, isFilled = inner >= GAP && inner < GAP + BESIDE, behind = end - wall - run / 2 - width, isDeep = isFilled && behind > 0 && behind < BEHIND;
+    const gap = isFilled ? inner : GAP, landing = isDeep ? width + behind : width, both = 2 * width + gap, bent = run / 2 + landing, filling = { ...(isFilled ? { gap: mm(gap) } : {}), ...(isDeep ? { landing: mm(landing) } : {}) };
+    const kinds = [["straight", {}, -half, width, run, width], ["U-shaped, turning left", { turn: "left", ...filling }, -half, both, bent, 0], ["U-shaped, turning right", { turn: "right", ...filling }, half - both, both, bent, 0]];
+    const found = kinds.slice(0, isEscalator ? 1 : 3).map(([kind, turn, low, size, far, beyond]) => {
       const aside = Math.max(sides[0] + wall - low, Math.min(0, sides[1] - wall - low - size)), left = low + aside;
-      return { kind, row: { ...own, foot: at(0, aside).map(mm), ...turn }, outline: box(far, left, left + size), needs: box(far + beyond, left, left + size) };
+      return { kind, aside, row: { ...own, foot: at(0, aside).map(mm), ...turn }, outline: box(far, left, left + size), needs: box(far + beyond, left, left + size) };
     });
-    const fit = found.find(({ needs }) => room && holds(room, needs));
+    const [straight, ...bends] = found, fit = [straight, ...bends.toSorted((a, b) => Math.abs(a.aside) - Math.abs(b.aside))].find(({ needs }) => room && holds(room, needs));
     return { ...(fit ?? found[0]), isFit: Boolean(fit) };
   }
 
