@@ -4,6 +4,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -35,6 +36,8 @@ AREA, OPENING, UPHILL = "#7d5fb2", "#d9730d", "#a8842c"
 MARK = dict.fromkeys(("error", "missing", "warning", "left out"), "#c0392b")
 MARK |= {"repaired": "#1f77b4", "assumed": "#b8860b"}
 
+#: Half the width of the ring at a finding [pixels], and how far texts are moved off others, in halves of their size.
+RING, REACH = 8.0, 6
 #: Background of names.
 PAPER = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7}
 
@@ -87,9 +90,8 @@ def levels_figure(
                 _line(axes, segment, OPENING, 2.2)
                 beside(axes, segment, mark.label, OPENING)
         with legible_figure(plans.figure):
-            _keep_apart(plans.figure, axes)
-        for own in places[number].values():
-            _draw_findings(axes, own)
+            taken = _numbered(plans.figure, axes, [*places[number].values()])
+            _keep_apart(plans.figure, axes, taken)
     _list_below(plans.figure, groups)
     return plans.figure
 
@@ -125,22 +127,52 @@ def _name_parts(axes: Axes, building: Building, levels: Sequence[Level]) -> None
         _name(axes, flat.polygon, stair, palette.TEXT)
 
 
-def _keep_apart(figure: Figure, axes: Axes) -> None:
-    """Keep names within their plan; leave out those that cover names of exits, marks, stairs, doors or areas."""
+def _numbered(figure: Figure, axes: Axes, places: list[list[tuple[int, Finding]]]) -> list[Bbox]:
+    """Mark findings with rings and numbers that cover neither each other nor names of exits; return the boxes."""
     axes.apply_aspect()
+    renderer, taken = FigureCanvasAgg(figure).get_renderer(), list[Bbox]()
+    for text in (text for text in axes.texts if text.get_text() and _rank(text) == 0):
+        _move_inside(axes, text, text.get_window_extent(renderer))
+        taken.append(text.get_window_extent(renderer))
+    rings = [_draw_ring(axes, findings) for findings in places]
+    middles = axes.transData.transform(np.reshape([ring.xy for ring in rings], (-1, 2)))
+    taken += [Bbox([middle - RING, middle + RING]) for middle in middles]
+    for ring in rings:
+        box = ring.get_window_extent(renderer).padded(2.0)
+        taken.append(_moved_free(axes, ring, box, taken))
+    return taken
+
+
+def _moved_free(axes: Axes, text: Text, box: Bbox, taken: Sequence[Bbox]) -> Bbox:
+    """Move a text as little as is needed to cover nothing that is taken, if it can; return its box [pixels]."""
+    frame, shifts = axes.bbox, [(i, j) for i in range(-REACH, REACH + 1) for j in range(-REACH, REACH + 1)]
+    for i, j in sorted(shifts, key=lambda shift: shift[0] ** 2 + shift[1] ** 2):
+        dx, dy = 0.5 * i * box.width, 0.5 * j * box.height
+        moved = box.translated(dx, dy)
+        is_inside = frame.x0 <= moved.x0 and moved.x1 <= frame.x1 and frame.y0 <= moved.y0 and moved.y1 <= frame.y1
+        if is_inside and not moved.count_overlaps(taken):
+            _shift(axes, text, dx, dy)
+            return moved
+    return box
+
+
+def _keep_apart(figure: Figure, axes: Axes, taken: list[Bbox]) -> None:
+    """Keep names within their plan and off what is taken; leave out those that cover others."""
     renderer = FigureCanvasAgg(figure).get_renderer()
-    named = [text for text in axes.texts if text.get_text()]
-
-    def rank(text: Text) -> int:
-        is_width = len(text.get_text().split()) == 2
-        return {palette.TEXT: 1, palette.EDGE: 4 if is_width else 2, AREA: 3}.get(str(text.get_color()), 0)
-
-    written = list[Bbox]()
-    for text in sorted(named, key=rank):
+    written = [*taken]
+    for text in sorted((text for text in axes.texts if text.get_text() and _rank(text)), key=_rank):
         _move_inside(axes, text, text.get_window_extent(renderer))
         box = text.get_window_extent(renderer)
-        text.set_visible(rank(text) == 0 or not box.count_overlaps(written))
+        if _rank(text) in (1, 3):  # of stairs and areas, which may be written anywhere near
+            box = _moved_free(axes, text, box, written)
+        text.set_visible(not box.count_overlaps(written))
         written += [box] * text.get_visible()
+
+
+def _rank(text: Text) -> int:
+    """Return 0 for names of exits and marks, which are always shown, and more for what gives way to them."""
+    is_width = len(text.get_text().split()) == 2
+    return {palette.TEXT: 1, palette.EDGE: 4 if is_width else 2, AREA: 3}.get(str(text.get_color()), 0)
 
 
 def _move_inside(axes: Axes, text: Text, box: Bbox) -> None:
@@ -148,6 +180,11 @@ def _move_inside(axes: Axes, text: Text, box: Bbox) -> None:
     frame = axes.bbox
     dx = max(frame.x0 - box.x0, 0.0) - max(box.x1 - frame.x1, 0.0)
     dy = max(frame.y0 - box.y0, 0.0) - max(box.y1 - frame.y1, 0.0)
+    _shift(axes, text, dx, dy)
+
+
+def _shift(axes: Axes, text: Text, dx: float, dy: float) -> None:
+    """Move a text [pixels]."""
     if isinstance(text, Annotation):
         points = 72.0 / axes.figure.dpi
         text.xyann = text.xyann[0] + points * dx, text.xyann[1] + points * dy
@@ -231,8 +268,8 @@ def panel_of(building: Building, panels: list[list[int]], finding: Finding) -> i
     return next(number for number, shown in enumerate(panels) if nearest_level in shown)
 
 
-def _draw_findings(axes: Axes, findings: list[tuple[int, Finding]]) -> None:
-    """Draw a ring at the place of findings with their numbers beside it."""
+def _draw_ring(axes: Axes, findings: list[tuple[int, Finding]]) -> Annotation:
+    """Draw a ring at the place of findings and return their numbers beside it."""
     kinds = [finding.kind for _, finding in findings]
     colour = next(colour for kind, colour in MARK.items() if kind in kinds)
     labels = ",".join(dict.fromkeys(str(number) for number, _ in findings))
@@ -240,6 +277,5 @@ def _draw_findings(axes: Axes, findings: list[tuple[int, Finding]]) -> None:
     x, y = np.clip(place, *np.transpose([axes.get_xlim(), axes.get_ylim()]))  # what is off the plan is at its border
     axes.plot(x, y, clip_on=False, marker="o", ms=7, mfc="none", mec=colour, mew=1.4, zorder=8)
     box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": colour, "lw": 0.6}
-    axes.annotate(
-        labels, (x, y), (6, 6), textcoords="offset points", fontsize=7, color=colour, weight="bold", bbox=box, zorder=9
-    )
+    style: dict[str, Any] = {"fontsize": 7, "color": colour, "weight": "bold", "bbox": box, "zorder": 9}
+    return axes.annotate(labels, (x, y), (6, 6), textcoords="offset points", **style)

@@ -27,6 +27,7 @@ from evac.pictures.writing import legible_figure, round_length
 #: Greatest width and height of all plans together, and the margin around them [inches].
 WIDTH, HEIGHT = 10.0, 7.0
 MARGIN, TITLE, HEAD, BAR, SIDE = 0.3, 0.75, 0.3, 0.45, 1.3
+NAMES = 0.26  # height of the names of exits and their distance from the plan [inches]
 MARKERS = {"sign": ("s", 5.0), "fire": ("*", 14.0)}  # of places that are points, and their sizes [points]
 NORTH = 0.85  # from the scale bar to the arrow to the north [inches]
 
@@ -73,6 +74,8 @@ def draw_plans(
     # All plans have the same limits, so that places above one another have the same position in each.
     x1, y1, x2, y2 = shapely.total_bounds([level.polygon for _, shown in panels for level in shown]).tolist()
     pad = 0.03 * max(x2 - x1, y2 - y1) + 0.2  # for the names of exits
+    if has_widths:  # in a frame
+        pad = max(pad, NAMES / _arrangement(len(panels), x2 - x1 + 2.0 * pad, y2 - y1 + 2.0 * pad, greatest)[2])
     width, height = x2 - x1 + 2.0 * pad, y2 - y1 + 2.0 * pad
     columns, rows, scale = _arrangement(len(panels), width, height, greatest)
     above = TITLE if title is not None else 0.0

@@ -39,6 +39,18 @@ def test_a_finding_is_marked_on_its_storey(building, level, place, panel):
     )
 
 
+def test_numbers_and_names_do_not_cover_each_other(building):
+    findings = [Finding("warning", f"odd {'x' * k}", "ground", (4.4 + 0.3 * k, 1.75)) for k in range(4)]
+    findings.append(Finding("warning", "at the door", "ground", (0.1, 3.5)))
+    figure = levels_figure(building, findings)
+    figure.canvas.draw()
+    shown = [text for text in figure.axes[0].texts if text.get_text() and text.get_visible()]
+    boxes = [text.get_window_extent() for text in shown]
+    assert {"1", "2", "3", "4", "5", "main", "door 1.00 m"} <= {text.get_text() for text in shown}
+    assert not [k for k, box in enumerate(boxes) if box.count_overlaps(boxes[:k])]
+    assert all(figure.axes[0].bbox.count_contains([(box.x0, box.y0), (box.x1, box.y1)]) == 2 for box in boxes)
+
+
 def test_marks_and_findings_are_in_the_picture(building, tmp_path):
     findings = [
         Finding("warning", "a narrow place", "ground", (10.0, 3.0)),
