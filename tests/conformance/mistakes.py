@@ -156,7 +156,7 @@ MISTAKES = {
     ),
     "law_nan_later": Mistake(
         CONTACT, SPRING, "    return -parameters[0] * gap * math.sqrt(0.5 - closing_speed)\n", "@pair_contact",
-        "math domain error for the gap .* closing speed", "a finite number",
+        "raises ValueError: .+ for the gap .* closing speed", "a finite number",
     ),
     "compiled_law_nan": Mistake(
         COMPILED_LAW, "state)\n    return", "state)\n    state.bodies.solved[0, 0] = h / 0.0\n    return", "@kernel",
