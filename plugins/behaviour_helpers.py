@@ -1,4 +1,4 @@
-"""Helpers: people who fetch others who cannot leave alone, and bring them out or to an assembly area."""
+"""Helpers: people who fetch others who cannot leave alone, and bring them out, to a refuge or to an assembly area."""
 
 import math
 from typing import Any, NamedTuple
@@ -75,7 +75,7 @@ class Helpers(Behaviour):
     helpers, as many as the device needs (`handlers`), go to that person. After the time `preparation` they go together
     at the speeds of the device, and by lifts if the key `lifts` says so; the person waits for a helper who is more than
     3 m away, as one whom the car had no room for. They leave by one of `exits`,
-    or go to the assembly area in `to`. Helpers who are still needed turn back there, 2 s before an exit, and fetch the
+    or go to the refuge or assembly area in `to`. Helpers who are still needed turn back there, 2 s before an exit, and fetch the
     next person; the others leave by the exits of their group. People whom the device cannot bring all the way are not
     fetched. The notes of the results say who was fetched when, and by whom.
 
@@ -106,7 +106,7 @@ class Helpers(Behaviour):
     fetches = Parameter("", "name of the group that people of this group fetch")
     areas: Any = Parameter((), "areas in which people wait for helpers, each in one room")
     exits: Any = Parameter((), "exits to which people are brought; empty: any")
-    to = Parameter("", "area of a place of kind assembly to which people are brought, instead of exits")
+    to = Parameter("", "area of a refuge or assembly area to which people are brought, instead of exits")
     lifts: Any = Parameter("", "whether people are brought by lifts, as `lifts` of groups: weighed or preferred")
     preparation = Parameter(30.0, "time from the arrival of the helpers until they go", unit="s", minimum=0.0)
     devices: Any = Parameter({}, "further devices, with the keys flat, up, down and handlers")
@@ -134,16 +134,20 @@ class Helpers(Behaviour):
         walls, level = scene.building.walls.reshape(-1, 2, 2), scene.building.wall_level
         self._walls = [shapely.multilinestrings(walls[level == k]) for k in range(len(scene.building.levels))]
         self._check_areas()
-        places = {place.area: place for place in scene.building.places if place.kind == "assembly"}
+        places = {place.area: place for place in scene.building.places if place.area}
         self._place = places.get(self.to)
         if self.to and self._place is None:
             hint = did_you_mean(self.to, list(places))
-            raise ScenarioError(
-                f"behaviours.helpers.to: {self.to!r} is not the area of a place of kind assembly; {hint}"
-            )
+            raise ScenarioError(f"behaviours.helpers.to: {self.to!r} is not the area of a refuge or assembly area; {hint}")
         groups = {group.name: group for group in scene.groups}
         fetched = [group for group in scene.groups if group.settings.get("device", self.device)]
         self._people = np.concatenate([np.zeros(0, np.int32), *(group.rows for group in fetched)])
+        room = None if self._place is None else self._place.capacity
+        if room is not None and room < len(self._people):
+            raise ScenarioError(
+                f"behaviours.helpers.to: {self.to!r} has room for {room}, but {len(self._people)} people are brought "
+                "there; raise its capacity"
+            )
         self._device = [self._device_of(group) for group in fetched for _ in group.rows]
         helpers, self._may = [np.zeros(0, np.int32)], np.zeros((0, len(self._people)), np.bool_)
         for group in scene.groups:
@@ -230,6 +234,8 @@ class Helpers(Behaviour):
                     self._fetch(crowd, time, k)
                 case state if state == IS_PREPARED and time >= self._until[k]:
                     self._set_off(crowd, k)
+                case state if state == IS_PREPARED:
+                    self._scene.begin_ways(self._people[k : k + 1])  # a run does not end for the time that this takes
                 case state if state == IS_BROUGHT:
                     self._bring(crowd, time, k)
             if self._state[k] in (IS_FETCHED, IS_PREPARED, IS_THERE) or (

@@ -219,6 +219,12 @@ class Places(Saved):
         return at_refuge
 
     @property
+    def stands_firm(self) -> NDArray[np.bool_]:
+        """Who cannot make room for others: who is in a refuge, or has been brought to its place (n,)."""
+        firm: NDArray[np.bool_] = self.at_refuge | self.arrived & self._is_brought
+        return firm
+
+    @property
     def waits_for_lift(self) -> NDArray[np.bool_]:
         """Who is in a refuge, and leaves as soon as there is a lift (n,)."""
         waits: NDArray[np.bool_] = self.at_refuge & self._rides[self._before]

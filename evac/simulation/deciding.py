@@ -87,7 +87,7 @@ class Deciding(Saved):
         if self._case.place:
             self._crowd.speed_factor[self._places.arrived] = 0.0
         if self._case.place or len(self._population.staying) or self._stopped is not None:
-            stands_firm = self._places.at_refuge
+            stands_firm = self._places.stands_firm
             stands_firm[self._population.staying] = True
             if self._stopped is not None:
                 stands_firm |= self._stopped

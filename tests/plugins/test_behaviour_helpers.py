@@ -86,10 +86,23 @@ def test_helpers_return_from_an_assembly_area_for_the_next_one():
     assert np.isfinite(simulation.population.crowd.exit_time[3:]).all()
 
 
-def test_ways_that_helpers_go_again_are_progress():
-    case = ward(HALL, patients={"number": 4}, staff={"number": 1}, to="hall", preparation=0.0)
+@pytest.mark.parametrize(("patients", "preparation"), [(4, 0.0), (2, 0.0), (2, 30.0)])
+def test_a_run_goes_on_while_helpers_go_again_or_prepare_and_nobody_walls_them_in(patients, preparation):
+    case = ward(HALL, patients={"number": patients}, staff={"number": 1}, to="hall", preparation=preparation)
     simulation, _, _ = run(case.change({"simulation.no_progress": 12.0}))
     assert simulation.ended == "everybody out or at a safe place"
+
+
+def test_people_are_brought_to_a_refuge_that_has_room_for_them():
+    lobby = {"name": "lobby", "kind": "refuge", "area": "lobby", "capacity": 2}
+    simulation, position, level = run(ward(lobby, patients={"number": 2}, to="lobby"))
+    (refuge,) = simulation.results().places
+    assert refuge.people == (0, 1)
+    assert (level[-1, :2] == simulation.building.level_named("high").index).all()
+    assert (position[-1, :2, 0] < 23.1).all()
+    assert np.isfinite(simulation.population.crowd.exit_time[2:]).all()
+    with pytest.raises(evac.EvacError, match="has room for 2"):
+        Simulation(ward(lobby, patients={"number": 3}, to="lobby"))
 
 
 def test_two_carry_one():
