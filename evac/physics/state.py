@@ -65,8 +65,8 @@ class Crowd(Struct):
     ahead : (n, 2) unit desired direction of people whom a link lets through, instead of that of their route, until they
         have left its line; zero for others. Written by the scene
     firmness : (n,) factor of the mass with which a person resists contacts and forces: 1, and `FIRM` for people who
-        stand firm, since gases or heat have stopped them, they are at a refuge, or they do not leave. Written by
-        `Deciding`
+        stand firm, since gases or heat have stopped them, they are at a refuge or were brought to a place, or they do
+        not leave. Written by `Deciding`
     """
 
     position: Pairs
