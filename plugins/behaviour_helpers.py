@@ -74,10 +74,10 @@ class Helpers(Behaviour):
     go to a refuge among these `areas` if the case has one for them. As soon as somebody waits, the nearest free
     helpers, as many as the device needs (`handlers`), go to that person. After the time `preparation` they go together
     at the speeds of the device, and by lifts if the key `lifts` says so; the person waits for a helper who is more than
-    3 m away, as one whom the car had no room for. They leave by one of `exits`,
-    or go to the refuge or assembly area in `to`. Helpers who are still needed turn back there, 2 s before an exit, and fetch the
-    next person; the others leave by the exits of their group. People whom the device cannot bring all the way are not
-    fetched. The notes of the results say who was fetched when, and by whom.
+    3 m away, as one whom the car had no room for. They leave by one of `exits`, or go to the refuge or assembly area in
+    `to`. Helpers who are still needed turn back there, 2 s before an exit, and fetch the next person; the others leave
+    by the exits of their group. People whom the device cannot bring all the way are not fetched. The notes of the
+    results say who was fetched when, and by whom.
 
     | device | flat | up | down | helpers | source |
     |---|---|---|---|---|---|
@@ -138,7 +138,9 @@ class Helpers(Behaviour):
         self._place = places.get(self.to)
         if self.to and self._place is None:
             hint = did_you_mean(self.to, list(places))
-            raise ScenarioError(f"behaviours.helpers.to: {self.to!r} is not the area of a refuge or assembly area; {hint}")
+            raise ScenarioError(
+                f"behaviours.helpers.to: {self.to!r} is not the area of a refuge or an assembly area; {hint}"
+            )
         groups = {group.name: group for group in scene.groups}
         fetched = [group for group in scene.groups if group.settings.get("device", self.device)]
         self._people = np.concatenate([np.zeros(0, np.int32), *(group.rows for group in fetched)])

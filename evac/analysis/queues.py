@@ -54,6 +54,8 @@ class Queue:
         Middle of what is passed there; of a level and smoke the mean position of those who waited.
     tail : str
         Floor or stair of the last in the queue at `time`.
+    most_on : str
+        Floor or stair on which most of the time was waited.
     people : int
         Number of different people who waited.
     waited : float [s]
@@ -81,6 +83,7 @@ class Queue:
     x: float
     y: float
     tail: str
+    most_on: str
     people: int
     waited: float
     share: float
@@ -115,8 +118,8 @@ class Queue:
         """Return a sentence without its end."""
         return (
             f"{self.brief()}; {counted(self.people, 'person', 'people')} waited "
-            f"{self.waited / self.people:.1f} s on average, from {self.start:.1f} to {self.end:.1f} s, at most "
-            f"{self.most} at once, at {self.time:.1f} s, back to {self.tail!r}"
+            f"{self.waited / self.people:.1f} s on average, most on {self.most_on!r}, from {self.start:.1f} to "
+            f"{self.end:.1f} s, at most {self.most} at once, at {self.time:.1f} s, back to {self.tail!r}"
         )
 
 
@@ -315,6 +318,7 @@ class _Waiting:
         self._at_once, self._near = np.zeros((2, len(trajectory)), np.int64)
         self._people = np.zeros(trajectory.number_of_people, np.bool_)
         self._blocked = np.zeros(trajectory.number_of_people)  # waiting behind each person [s]
+        self._on = {level.title: 0.0 for level in self._levels}  # waiting on each floor and stair [s]
         self._peak: dict[str, Any] = {}
         self.waited = 0.0  # [s]
 
@@ -325,6 +329,8 @@ class _Waiting:
         """
         self.waited += float(rows.waits.sum())
         self._people[rows.person] = True
+        for level in np.unique(rows.level).tolist():
+            self._on[self._levels[level].title] += float(rows.waits[rows.level == level].sum())
         before = self._at_once.max()
         self._at_once += np.bincount(rows.frame, minlength=len(self._time))
         self._near += np.bincount(rows.frame[away <= NEAR], minlength=len(self._time))
@@ -361,6 +367,7 @@ class _Waiting:
             kind=self._kind,
             name=self._name,
             **self._peak,
+            most_on=max(self._on, key=self._on.__getitem__),
             people=int(self._people.sum()),
             waited=self.waited,
             share=self.waited / all_waited,

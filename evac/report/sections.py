@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from evac.analysis.congestion import DENSITY, SHARE, Exceedance
-from evac.analysis.hydraulic import LABORATORY, DesignFlow, design_flows
+from evac.analysis.hydraulic import LABORATORY, DesignFlow, above_design
 from evac.analysis.maps import KERNEL_RADIUS, level_maps
 from evac.base.change import Change, changes_in_words
 from evac.base.distributions import as_text
@@ -474,8 +474,7 @@ def design_section(run: Results) -> Section:
     """Return the section on design flows."""
     if run.building_or_none is None:
         return section("design", f"{APPENDIX}hydraulic calculation", "design_missing", is_missing=True)
-    flows = design_flows(run.building, run.flows, run.crowd.exit_time)
-    shown = sorted(flows, key=lambda flow: -flow.hydraulic_time)[:MOST_ROWS]
+    shown = sorted(run.design_flows, key=lambda flow: -flow.hydraulic_time)[:MOST_ROWS]
     rows, answer = [_design_row(flow) for flow in shown], hydraulic_answer(run)
     return section("design", f"{APPENDIX}hydraulic calculation", rows=rows, answer=answer, laboratory=LABORATORY)
 
@@ -487,7 +486,7 @@ def walking_of(case: CaseTable, keepers: Sequence[str]) -> str:
 
 
 def hydraulic_answer(run: Results) -> str:
-    """Return the hydraulic evacuation time beside that of the run."""
+    """Return the hydraulic evacuation time beside that of the run, and where the run has more than hydraulic flows."""
     if run.building_or_none is None:
         return "Not computed, since no trajectory was recorded"
     if (decisive := run.hydraulic) is None:
@@ -497,16 +496,18 @@ def hydraulic_answer(run: Results) -> str:
         change = round(100.0 * (run.last_out / time - 1.0))
         apart = f"{abs(change)} % {'less' if change < 0 else 'more'}" if change else "less than 1 % from it"
         own = f"that of the run is {run.last_out:.1f} s, {apart}"
+    above = above_design(run.design_flows)
+    most = f", most at {above[0][1].kind} {above[0][1].name!r}, by {100.0 * (above[0][0] - 1.0):.0f} %" if above else ""
     return (
         f"The hydraulic evacuation time is {time:.1f} s, determined by the "
         f"{counted(decisive.people, 'person', 'people')}, each counted once, who pass {decisive.kind} "
-        f"{decisive.name!r}; {own}"
+        f"{decisive.name!r}; {own}. "
+        f"{counted(len(above), 'place')} of {len(run.design_flows)} had more than the hydraulic flow{most}"
     )
 
 
 def _design_row(flow: DesignFlow) -> tuple[object, ...]:
-    ratio = None if flow.flow is None or not flow.hydraulic_flow else flow.flow / flow.hydraulic_flow
     people = Cell(str(flow.people), "bad") if flow.people > flow.capacity else str(flow.people)
-    flows = [fixed(number, 2) for number in (flow.flow, flow.hydraulic_flow, ratio, flow.laboratory_flow)]
+    flows = [fixed(number, 2) for number in (flow.flow, flow.hydraulic_flow, flow.ratio, flow.laboratory_flow)]
     last = str(flow.capacity), fixed(flow.hydraulic_time, 1)
     return flow.kind, flow.name, fixed(flow.width, 2), people, *flows, *last

@@ -208,7 +208,12 @@ def _hydraulic_answer(study: Study) -> str:
     times = [number["value"] for number in numbers if number["row"] == HYDRAULIC]
     if not times:
         return "Not computed"
-    return f"The hydraulic evacuation time [s], median over runs, is {_noted(estimate(MEDIAN, np.array(times)), '.1f')}"
+    apart = 100.0 * (float(np.median(study.times(0))) / float(np.median(times)) - 1.0)
+    own = (
+        f"; that of the runs is {abs(apart):.0f} % {'less' if apart < 0.0 else 'more'}" if math.isfinite(apart) else ""
+    )
+    value = _noted(estimate(MEDIAN, np.array(times)), ".1f")
+    return f"The hydraulic evacuation time [s], median over runs, is {value}{own}"
 
 
 def _points(study: Study) -> Iterator[Section]:

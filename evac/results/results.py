@@ -544,11 +544,16 @@ class Results:
         return (*link_flows(self.building, self.moves), *crossed)
 
     @cached_property
-    def hydraulic(self) -> DesignFlow | None:
-        """The place that decides the hydraulic evacuation time; None without one, or without a recorded building."""
+    def design_flows(self) -> list[DesignFlow]:
+        """Exits, doors and stairs that people passed, with hydraulic values; empty without a recorded building."""
         if self.building_or_none is None:
-            return None
-        return hydraulic_time(design_flows(self.building, self.flows, self.crowd.exit_time))
+            return []
+        return design_flows(self.building, self.flows, self.crowd.exit_time)
+
+    @property
+    def hydraulic(self) -> DesignFlow | None:
+        """The place that decides the hydraulic evacuation time; None without one."""
+        return hydraulic_time(self.design_flows)
 
     @cached_property
     def queues(self) -> tuple[Queue, ...]:

@@ -215,11 +215,15 @@ class Recount:
         way = min(heads, key=lambda one: (-heads[one], self.ways().index(one)))
         segment = way[2][len(way[2]) // 2]
         level = min((row for row in then if row[5] == way), key=self.away)[4]
+        on = {level["stair"] or level["name"]: 0.0 for level in self.levels}
+        for row in rows:
+            on[self.levels[row[4]]["stair"] or self.levels[row[4]]["name"]] += row[2]
         who = "person" if people == 1 else "people"
         words = (
             f"What holds up most is {causes[0]}: {100 * shares[causes[0]]:.0f} % of all waiting; {people} {who} waited "
-            f"{sum(row[2] for row in rows) / people:.1f} s on average, from {min(many):.1f} to {max(many):.1f} s, "
-            f"at most {most} at once, at {peak:.1f} s, back to {tail['stair'] or tail['name']!r}"
+            f"{sum(row[2] for row in rows) / people:.1f} s on average, most on {max(on, key=on.get)!r}, from "
+            f"{min(many):.1f} to {max(many):.1f} s, at most {most} at once, at {peak:.1f} s, back to "
+            f"{tail['stair'] or tail['name']!r}"
         )
         if len(causes) > 1 and shares[causes[1]] >= 0.1:
             words += f"; next is {causes[1]}: {100 * shares[causes[1]]:.0f} % of all waiting"

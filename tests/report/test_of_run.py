@@ -20,6 +20,7 @@ from evac.report.pages import Labels
 from evac.report.sections import Places
 from evac.report.verification import evidence, meaning, subject_like
 from evac.results.answer import time_of_share
+from evac.results.reading import read_results
 from evac.results.recordedcase import CaseTable
 
 from .conftest import HOSTILE, Page
@@ -70,6 +71,18 @@ def test_the_last_person_out_is_told_with_its_response_and_its_way(page, people)
     start, exit_time = float(last["response_time"]), float(last["exit_time"])
     way = f"{float(last['distance']):.1f} m in {exit_time - start:.1f} s"
     assert page.fact("Last person out") == f"Person {last['person']}, who started to walk at {start:.1f} s, then {way}"
+
+
+def test_page_one_tells_where_people_pass_faster_than_by_hand(page, finished):
+    run, answer = read_results(finished), page.fact("Second opinion")
+    flows = {one.name: one.flow / one.hydraulic_flow for one in run.design_flows if one.flow is not None}
+    above = [name for name in flows if flows[name] >= 1.01]
+    assert f"{len(above)} place" in answer
+    assert f"of {len(run.design_flows)} had more" in answer
+    if above:
+        most = max(above, key=flows.get)
+        assert f"{most!r}, by {100.0 * (flows[most] - 1.0):.0f} %" in answer
+    assert ("places with more than the hydraulic flow", len(above)) in run.tables["outcomes"]
 
 
 def test_links_lead_to_sections_and_ids_are_unique(page):
