@@ -47,7 +47,7 @@ class Display:
         self._task = self._bar.add_task("starting", total=None, numbers="")
         self._start = self._shown = time.perf_counter()
         self._first: Progress | None = None
-        self._is_entered, self._what = False, ""
+        self._is_entered, self._what, self._named = False, "", "working"
 
     def __enter__(self) -> Self:
         self._bar.start()
@@ -62,7 +62,8 @@ class Display:
         self._bar.stop()
 
     def phase(self, what: str) -> None:
-        """Show the name of the current phase."""
+        """Show the name of the current phase, also between the loops within it."""
+        self._named = what
         self._bar.reset(self._task, total=None, description=what, numbers="")
 
     def compiling(self, done: int, kernels: int) -> None:
@@ -70,8 +71,6 @@ class Display:
         if self._what != "compiling" and not self._is_bar:
             self._print(f"compiling {counted(kernels, 'kernel')}, kept for later runs")
         self.steps("compiling", done, kernels)
-        if done == kernels:
-            self.phase("computing directions")
 
     def steps(self, what: str, done: int, count: int) -> None:
         """Show how many steps of a phase are done, and the estimated time left."""
@@ -80,7 +79,7 @@ class Display:
             self._what, self._start, self._shown = what, now, now
         if done == count:
             self._what = ""
-            self.phase(what)
+            self.phase(self._named)
             if not self._is_entered:
                 self._bar.stop()
         elif done and now - self._shown >= (BAR_EVERY if self._is_bar else LINE_EVERY):

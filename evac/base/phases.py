@@ -29,11 +29,15 @@ class Progress:
 def told(what: str, items: Iterable[T], count: int) -> Iterator[T]:
     """Yield `count` items, and have it shown, if a command does so, how many of them are done."""
     for done, item in enumerate(items):
-        if shown_by:
-            shown_by[-1](what, done, count)
+        tell(what, done, count)
         yield item
+    tell(what, count, count)
+
+
+def tell(what: str, done: int, count: int) -> None:
+    """Have it shown, if a command does so, how many of some steps are done."""
     if shown_by:
-        shown_by[-1](what, count, count)
+        shown_by[-1](what, done, count)
 
 
 class Phases:

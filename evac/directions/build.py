@@ -12,7 +12,6 @@ from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.defaults import COMFORT, ORDER, SPACING
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
-from evac.base.phases import told
 from evac.building.geometry import connected_components
 from evac.building.model.building import Area, Building, Exit
 from evac.building.model.links import levels_reaching
@@ -459,7 +458,7 @@ def _solve(
             marches.append(March(Metric(slowness, bent, is_plain=False), exits, barred, lifts))
     workers = number_of_workers(grids, len(marches), _memory_of_workers(grids.size, len(ways)), solver.workers)
     with closing(march_all(grids, marches, solver.order, workers)) as costs:
-        for exits in told("computing directions", ways, len(ways)):
+        for exits in ways:
             plain = next(costs)
             cost = plain if bent is None else next(costs)
             yield _directions(grids, cost, [one for one in exits if isinstance(one, Exit)]), plain

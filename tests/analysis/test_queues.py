@@ -57,7 +57,7 @@ def test_a_queue_goes_on_to_what_is_passed_later_while_those_beyond_wait(written
     at = {cause: queue.at_once[[1, 6, 12, 17]].tolist() for cause, queue in queues.items()}
     assert at == {"stair 'lower'": [1, 2, 0, 0], "exit 'door'": [0, 0, 2, 1]}
     door = queues["exit 'door'"]
-    assert (door.most, door.time, door.level, door.tail, door.most_on) == (2, 11.0, "floor 0", "floor 1", "floor 0")
+    assert (door.most, door.time, door.level, door.tail, door.most_on) == (2, 11.0, "floor 0", "floor 1", "floor 1")
 
 
 def test_nobody_waits_before_the_response_time(written):

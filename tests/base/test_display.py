@@ -51,7 +51,12 @@ def test_a_terminal_gets_a_bar(monkeypatch):
         display.phase("reading the [case]")
         display(Progress(1.0, 100.0, 8, 0))
         display(Progress(3.0, 100.0, 8, 2))
+    with Display() as display:
+        display.phase("reading again")
+        assert [*told("opening doors", "abc", 3)] == [*"abc"]
     assert "reading the [case]" in screen.getvalue()
+    assert "reading again" in screen.getvalue()
+    assert "opening doors" not in screen.getvalue()  # which was over at once
     with Display() as display:
         display.compiling(3, 9)
     assert "3/9, ETA 0:0" in screen.getvalue()

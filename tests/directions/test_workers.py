@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from evac.base.phases import shown_by
 from evac.directions import build
 from evac.directions.build import build_fields
 from evac.directions.march import workers
@@ -53,6 +54,16 @@ def test_fields_are_the_same_to_the_bit_for_any_number_of_workers(building, many
     assert 1 <= len(many) <= number
     _assert_same(fields, expected)
     _assert_ended(many)
+
+
+def test_the_levels_that_each_march_has_reached_are_told(building, monkeypatch):
+    told = []
+    monkeypatch.setattr("evac.base.phases.shown_by", [*shown_by, lambda *steps: told.append(steps)])
+    build_fields(building, ROUTES[:2], clearance=0.0, workers=1)
+    done = [steps[1] for steps in told]
+    assert {(what, count) for what, _, count in told} == {("computing directions", 6)}  # two marches, three levels
+    assert done == sorted(done)
+    assert {*done} == {0, 3, 5, 6}  # from both exits, all levels are reached at once
 
 
 def test_fields_are_the_same_where_gaps_are_avoided_and_links_are_closed(building, many):

@@ -2,6 +2,7 @@
 
 import heapq
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -45,6 +46,7 @@ def march(
     order: int,
     barred: frozenset[tuple[int, int]] = frozenset(),
     lifts: bool = False,
+    told: Callable[[int], object] | None = None,
 ) -> FloatArray:
     """Return the minimum cost (nodes,) from each node of all grids to any of the given exits [s].
 
@@ -55,9 +57,10 @@ def march(
     starts at the contour of the neighbour's field at its minimum on the portal. This contour is in the halo, so that
     the wave reaches the portal as it does on the grid of the neighbour. Portals are processed in the order of this
     minimum until the cost of no level decreases any more. Ways end at an exit or an area with its cost, and at the
-    start of a jump with its time and the cost at its end; jumps by lifts count with `lifts`.
+    start of a jump with its time and the cost at its end; jumps by lifts count with `lifts`. `told` is called with the
+    number of levels that have been reached so far.
     """
-    return _March(grids, metric, order, barred, lifts).run(exits)
+    return _March(grids, metric, order, barred, lifts).run(exits, told)
 
 
 class _March:
@@ -93,7 +96,7 @@ class _March:
         alike = [grid.alike for grid in grids.levels]
         self.repeated = {level for level in alike if alike.count(level) > 1}
 
-    def run(self, exits: list[Exit | Area]) -> FloatArray:
+    def run(self, exits: list[Exit | Area], told: Callable[[int], object] | None) -> FloatArray:
         for grid in self.grids.levels:
             areas = [one for one in exits if isinstance(one, Area) and one.level == grid.level]
             for area in areas:
@@ -116,6 +119,8 @@ class _March:
                 self._march_through_doors(self.grids.levels[entered])
             else:
                 self._enter(self.grids.building.portals[portal], entered)
+            if told is not None:
+                told(sum(map(bool, self.falls)))
         return self.cost
 
     def _queue_portals(self, level: int) -> None:

@@ -8,15 +8,20 @@ from collections import deque
 from collections.abc import Generator, Sequence
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import ExitStack, suppress
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from evac.base.arrays import FloatArray
+from evac.base.phases import tell
 from evac.building.model.building import Area, Exit
 from evac.directions.march.marching import Metric, march
 from evac.directions.raster.grids import BuildingGrids
 from evac.jit.loading import cores
+
+#: What takes this time, in words.
+DIRECTIONS = "computing directions"
 
 #: A worker pays from so many nodes on, counted once for each march: it takes a quarter of a second to start.
 NODES_PER_WORKER = 2_500_000
@@ -61,9 +66,16 @@ def march_all(
                 for metric, exits, barred, lifts in marches:
                     factor = metric.factor[:1] if metric.factor.strides == (0,) else metric.factor  # one number
                     futures.append(pool.submit(_march, metric.slowness, factor, metric.is_plain, exits, barred, lifts))
-        for metric, exits, barred, lifts in marches:
+        levels, count = len(grids.levels), len(marches) * len(grids.levels)
+        for number, (metric, exits, barred, lifts) in enumerate(marches):
+            done = number * levels
+            tell(DIRECTIONS, done, count)
             cost = _answer(futures.popleft()) if futures else None
-            yield march(grids, metric, exits, order, barred, lifts) if cost is None else cost
+            if cost is None:
+                told = partial(lambda before, reached: tell(DIRECTIONS, before + reached, count), done)
+                cost = march(grids, metric, exits, order, barred, lifts, told)
+            yield cost
+        tell(DIRECTIONS, count, count)
 
 
 def _answer(future: "Future[FloatArray]") -> FloatArray | None:
