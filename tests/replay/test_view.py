@@ -156,6 +156,17 @@ def test_a_box_leaves_out_people_labels_and_floors_beyond_it(browser, page):
     assert np.abs(picture(browser) - cut).max(axis=2).any()
 
 
+def test_the_building_makes_room_for_the_controls_of_the_box(browser, page):
+    browser.show(page, 900, 600)
+    for _ in range(2):  # shown and hidden
+        browser.run("replay.act.showClip()")
+        browser.settle()
+        top = browser.run("Math.max(...replay.layout.corners().map((corner) => replay.camera.project(corner)[1]))")
+        assert top < browser.run(
+            "1 - 2 * document.getElementById('tools').offsetHeight / replay.stage.canvas.clientHeight"
+        )
+
+
 SIZES = [(1280, 800), (390, 844), (844, 390)]
 
 

@@ -54,7 +54,7 @@ async function start() {
     if (camera.isFlat) camera.azimuth = 0;
     camera.fit(layout.corners(), 1.08);
     const isPlan = state.view === "plan", left = state.storey < 0 && !isPlan ? labels.margin() : 0, top = heightOfTools() + (isPlan ? NAME : 0), bottom = about.northward ? ROOM_OF_ARROW : camera.isFlat ? ROOM_OF_SCALE : 0;
-    camera.makeRoom(layout.corners(), Math.min(0.3, left / canvas.clientWidth), Math.min(0.3, top / canvas.clientHeight), Math.min(0.15, bottom / canvas.clientHeight));
+    camera.makeRoom(layout.corners(), Math.min(0.3, left / canvas.clientWidth), Math.min(0.6, top / canvas.clientHeight), Math.min(0.15, bottom / canvas.clientHeight));
     fitted = camera.place();
     redraw();
   }
@@ -391,7 +391,10 @@ async function start() {
       CLIPPED.forEach((name, k) => { by(`clip-${k}`).value = shares[k]; });
       redraw();
     },
-    showClip() { if (state.view === "3d") by("clip-box").hidden = !by("clip-box").hidden; },
+    showClip() {
+      if (state.view === "3d") by("clip-box").hidden = !by("clip-box").hidden;
+      if (camera.place() === fitted) fit();  // The tools are higher.
+    },
     follow(isFollowed) {
       state.isFollowed = isFollowed;
       by("follow").setAttribute("aria-pressed", isFollowed);
