@@ -28,6 +28,7 @@ from evac.pictures.pictures import egress_figure, runs_figure
 from evac.pictures.render import Renderer
 from evac.pictures.scales import MAPS as SCALES
 from evac.pictures.scales import Scale
+from evac.pictures.view import Camera
 from evac.pictures.writing import legible_figure, listed
 from evac.results.answer import time_of_share
 from evac.results.results import Results
@@ -50,6 +51,9 @@ SHARES_OUT = (25, 50, 75, 95)
 #: Width and height of rendered pictures, of a cover with more storeys than are drawn together, and of the egress curve,
 #: which has a table beside it [inches].
 COVER, COURSE, TALL, CURVE = (3.3, 2.0), (3.4, 2.4), (4.2, 2.6), (4.5, 2.8)
+
+#: Elevation of the view of so many storeys, which stand closer together and are wider in a picture then [degrees].
+LOW = 20.0
 
 #: Pixels of rendered pictures per inch, and size of their letters [pixels].
 SHARPNESS, LETTERS = 200, 18
@@ -128,13 +132,14 @@ def course(trajectory: Trajectory, exit_times: FloatArray) -> list[Picture]:
 
 def cover(trajectory: Trajectory) -> Picture:
     """Return the picture of the building and the people at the first recorded time."""
-    size = TALL if len(trajectory.building.storeys) > TOGETHER else COVER
-    return _rendered(_renderer(trajectory, size), 0, f"The building at {trajectory.time[0]:g} s.", "cover")
+    is_tall = len(trajectory.building.storeys) > TOGETHER
+    draw = _renderer(trajectory, TALL, Camera(elevation=LOW)) if is_tall else _renderer(trajectory, COVER)
+    return _rendered(draw, 0, f"The building at {trajectory.time[0]:g} s.", "cover")
 
 
-def _renderer(trajectory: Trajectory, inches: tuple[float, float]) -> Renderer:
+def _renderer(trajectory: Trajectory, inches: tuple[float, float], camera: Camera | None = None) -> Renderer:
     width, height = (round(SHARPNESS * side) for side in inches)
-    return Renderer(trajectory, (width, height), letters=LETTERS)
+    return Renderer(trajectory, (width, height), camera=camera, letters=LETTERS)
 
 
 def _rendered(draw: Renderer, k: int, caption: str, class_: str) -> Picture:
