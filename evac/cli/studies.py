@@ -208,7 +208,7 @@ def shown_progress(display: Display) -> "Callable[[StudyProgress], None]":
 
 def show_study(study: "Study") -> int:
     """Show the statistics; return 2 if runs failed, else 3 if people are left in any run, else 0."""
-    from evac.study.outputs import hold_up_of, parameter_keys, quality_of, remarks_of, statistics_table
+    from evac.study.outputs import hold_up_of, parameter_keys, people_at, quality_of, remarks_of, statistics_table
 
     case = study.points[0].case
     people = {row["people"] for row in study.rows(columns=["people"])} or {0}
@@ -216,7 +216,9 @@ def show_study(study: "Study") -> int:
     say(study.verdict["text"], style=STYLES[study.verdict["status"]])
     facts: dict[str, object] = {"case": case.title}
     facts["people"] = f"{min(people)} to {max(people)}" if len(people) > 1 else min(people)
-    facts["everybody out"] = f"in {runs - blocked} of {counted(runs, 'run')}"
+    at_places = people_at(study, 0) if len(study.points) == 1 else {}
+    facts["everybody out or safe" if at_places else "everybody out"] = f"in {runs - blocked} of {counted(runs, 'run')}"
+    facts |= at_places
     if failed:
         facts["failed"] = f"{counted(failed, 'more run')}, which are in no statistic"
     change = study.step_change

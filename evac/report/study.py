@@ -40,7 +40,7 @@ from evac.results.recordedcase import CaseTable, Record
 from evac.results.results import Results
 from evac.results.tables import HYDRAULIC, TABLES
 from evac.study.maps import maps_over_runs
-from evac.study.outputs import egress, hold_up_of, parameter_keys, points_table, quality_of, statistics_table
+from evac.study.outputs import egress, hold_up_of, parameter_keys, people_at, points_table, quality_of, statistics_table
 from evac.study.statistics import MEDIAN, Estimate, estimate
 from evac.study.study import Study
 
@@ -186,6 +186,7 @@ def _results(study: Study, rows: Sequence[Mapping[str, Any]]) -> dict[str, objec
         people = sorted({row["people"] for row in rows if row["ended"] != FAILED})
         results |= {
             "People": ", ".join(map(str, people)),
+            **{what.capitalize(): number for what, number in people_at(study, 0).items()},
             **{
                 f"Evacuation time, {one.name}{' of complete runs' * (one is estimates.mean)} [s]": _noted(one)
                 for one in (estimates.mean, *estimates.percentiles)

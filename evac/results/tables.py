@@ -93,6 +93,9 @@ TABLES = {
 #: Row of the outcomes with the time of the hydraulic calculation.
 HYDRAULIC = "hydraulic evacuation time [s]"
 
+#: What the row of the outcomes with the number of people at a safe place begins with.
+AT = "people at "
+
 #: Rows of a table: words, and numbers, None where there is none.
 Rows = list[tuple[Any, ...]]
 
@@ -186,7 +189,7 @@ def _outcomes(run: "Results") -> Iterator[tuple[str, float | None]]:
         yield "places with more than the hydraulic flow", len(above_design(run.design_flows))
     yield "people stopped by gases or heat", len(run.stopped)
     for place in run.places:
-        yield f"people at {place}", len(place.people)
+        yield f"{AT}{place}", len(place.people)
         yield f"last arrival at {place} [s]", place.last
     doses = [run.exposure[name] for name in ("gas_dose", "heat_dose") if name in run.exposure]
     if run.conditions is not None:

@@ -29,6 +29,7 @@ from evac.folder.files import (
 )
 from evac.folder.textfiles import plain, write_csv, write_json
 from evac.results.results import versions
+from evac.results.tables import AT
 from evac.simulation.assembly import providers
 from evac.simulation.simulation import Simulation
 from evac.study.points import STEP
@@ -188,6 +189,15 @@ def hold_up_of(study: "Study", point: int) -> str:
     most = max(waited, key=lambda at: sum(waited[at]))
     share, runs = sum(waited[most]) / sum(recorded), f"{len(waited[most])} of {counted(len(recorded), 'run')}"
     return f"What holds up most is {most}: {100.0 * share:.0f} % of all waiting, long in {runs}"
+
+
+def people_at(study: "Study", point: int) -> dict[str, str]:
+    """Return how many people were at each safe place at the end of the runs of a point, in words."""
+    found: dict[str, list[float]] = {}
+    for row in study.rows(point, ["tables"]):
+        for one in (one for one in row["tables"] if one["row"].startswith(AT)):
+            found.setdefault(one["row"], []).append(one["value"])
+    return {what: " to ".join(f"{of:g}" for of in sorted({min(each), max(each)})) for what, each in found.items()}
 
 
 def statistics_rows(study: "Study") -> list[dict[str, Any]]:

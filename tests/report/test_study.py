@@ -94,6 +94,7 @@ def test_a_study_carries_what_its_runs_carry(tmp_path):
     assert f"is {np.median(hydraulic):.1f};" in page.fact("Second opinion")
     assert f"that of the runs is {apart} % more" in page.fact("Second opinion")
     assert page.fact("Walking") == runs[0].answer.movement
+    assert page.fact("People at refuge 'safe'") == "1"
     what = [row[0] for row in page.table("events, safe places")[1:]]
     assert {"people at refuge 'safe'", "'r' at 0.9 of the speed, at [s]", "greatest dose"} <= set(what)
     assert "Fire, smoke, heat, toxic gas" not in page.text
