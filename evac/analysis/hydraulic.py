@@ -63,12 +63,6 @@ class DesignFlow:
         return None if self.flow is None or not self.hydraulic_flow else self.flow / self.hydraulic_flow
 
 
-def above_design(flows: Iterable[DesignFlow]) -> list[tuple[float, DesignFlow]]:
-    """Return those with more than the hydraulic flow, by 1 % or more, and their ratios, from the greatest one."""
-    ratios = [(flow.ratio, flow) for flow in flows if flow.ratio is not None]
-    return sorted(((ratio, flow) for ratio, flow in ratios if ratio >= 1.01), key=lambda one: -one[0])
-
-
 def design_flows(building: Building, flows: Iterable[LineFlow], exit_time: FloatArray) -> list[DesignFlow]:
     """Return the exits, doors and stairs of a run with their hydraulic values; of stairs, the end with most people."""
     design = [flow for line in flows for flow in _of_line(building, line, exit_time)]

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from evac.analysis.congestion import DENSITY, SHARE, Exceedance
-from evac.analysis.hydraulic import LABORATORY, DesignFlow, above_design
+from evac.analysis.hydraulic import LABORATORY, DesignFlow
 from evac.analysis.maps import KERNEL_RADIUS, level_maps
 from evac.base.change import Change, changes_in_words
 from evac.base.distributions import as_text
@@ -496,7 +496,7 @@ def hydraulic_answer(run: Results) -> str:
         change = round(100.0 * (run.last_out / time - 1.0))
         apart = f"{abs(change)} % {'less' if change < 0 else 'more'}" if change else "less than 1 % from it"
         own = f"that of the run is {run.last_out:.1f} s, {apart}"
-    above = above_design(run.design_flows)
+    above = run.above_design
     most = f", most at {above[0][1].kind} {above[0][1].name!r}, by {100.0 * (above[0][0] - 1.0):.0f} %" if above else ""
     return (
         f"The hydraulic evacuation time is {time:.1f} s, determined by the "

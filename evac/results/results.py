@@ -551,6 +551,12 @@ class Results:
         return design_flows(self.building, self.flows, self.crowd.exit_time)
 
     @property
+    def above_design(self) -> list[tuple[float, DesignFlow]]:
+        """The `design_flows` above the hydraulic ones by 1 % or more, with their ratios, from the greatest one."""
+        ratios = [(flow.ratio, flow) for flow in self.design_flows if flow.ratio is not None]
+        return sorted(((ratio, flow) for ratio, flow in ratios if ratio >= 1.01), key=lambda one: -one[0])
+
+    @property
     def hydraulic(self) -> DesignFlow | None:
         """The place that decides the hydraulic evacuation time; None without one."""
         return hydraulic_time(self.design_flows)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from evac.analysis.congestion import DENSITY
-from evac.analysis.hydraulic import above_design
 from evac.analysis.lines import ExitUse, FlowUse
 from evac.analysis.occupancy import Occupancy
 from evac.base.arrays import FloatArray
@@ -186,7 +185,7 @@ def _outcomes(run: "Results") -> Iterator[tuple[str, float | None]]:
     """Yield what has a number in a run, or none."""
     if run.hydraulic is not None:
         yield HYDRAULIC, run.hydraulic.hydraulic_time
-        yield "places with more than the hydraulic flow", len(above_design(run.design_flows))
+        yield "places with more than the hydraulic flow", len(run.above_design)
     yield "people stopped by gases or heat", len(run.stopped)
     for place in run.places:
         yield f"{AT}{place}", len(place.people)
