@@ -125,11 +125,15 @@ def density_warning(seen: Observation, levels: Sequence[str], keepers: Sequence[
 SOURCES = {LABORATORY: "experiments", STAIRS: "design guides", ESCALATORS: "EN 115-1"}
 
 
-def flow_warnings(building: Building, flows: Iterable[LineFlow], keepers: Sequence[str] | None) -> tuple[str, ...]:
+def flow_warnings(
+    building: Building, changes: Iterable[Change], flows: Iterable[LineFlow], keepers: Sequence[str] | None
+) -> tuple[str, ...]:
     """Return a line for each exit, door, stair and portal with a flow higher than measured; `keepers` as above.
 
-    The flow is that in one direction of people who pass for the first time; of a stair, the greatest of its ends.
+    The flow is that in one direction of people who pass for the first time; of a stair, the greatest of its ends. A
+    stair is an escalator if its ground moves at the end, in `building`, or has been started or stopped by `changes`.
     """
+    moved = {change.what for change in changes if change.kind == "move"}
     advice = "check in flows.csv whether they passed within a short time"
     if keepers is not None:
         advice = f"use a behaviour with which people keep their distance{_sets(keepers)}"
@@ -138,7 +142,7 @@ def flow_warnings(building: Building, flows: Iterable[LineFlow], keepers: Sequen
         levels = (building.levels[level] for level in line.levels)
         stair = next((level.stair for level in levels if level.stair and not level.is_ramp), None)
         what = f"{line.kind} {line.name!r}" if stair is None else f"stair {stair!r}"
-        is_moving = not {level for level, _, _ in building.moving}.isdisjoint(line.levels)
+        is_moving = stair in moved or not {level for level, _, _ in building.moving}.isdisjoint(line.levels)
         limit = LABORATORY if stair is None else ESCALATORS if is_moving else STAIRS
         for way in (line.forward, ~line.forward):
             _, first = np.unique(line.person[way], return_index=True)

@@ -501,7 +501,7 @@ class Results:
     @Derived
     def quality_warnings(self) -> tuple[str, ...]:
         """The quality warnings of the run (docs/results.md), one line each."""
-        flows = flow_warnings(self.building, self.flows, self.advised)
+        flows = flow_warnings(self.building, self.changes, self.flows, self.advised)
         return (*self.noticed, *flows, *queue_warnings(self))
 
     @property

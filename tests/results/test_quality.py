@@ -8,6 +8,7 @@ import shapely
 
 import evac
 from evac.analysis.lines import LineFlow
+from evac.base.change import Change
 from evac.results.quality import chatter_warning, closings, contact_warnings, crushing_warning, flow_warnings
 from evac.results.watch import Observation
 
@@ -93,14 +94,16 @@ def test_flows_beyond_measured_ones_have_a_warning_each_and_stairs_one_for_all_t
         *(line("portal", flow) for flow in (1.15, 1.18, 1.21)),
         line("line", 9.0),
     ]
-    warned = flow_warnings(building, flows, ["gaps"])
+    warned = flow_warnings(building, (), flows, ["gaps"])
     assert [re.findall(r"([\d.]+) people .* passed (.*), at most ([\d.]+)", line) for line in warned] == [
         [("2.82", "exit 'exit 2.82'", "2.8")],
         [("2.82", "door 'door 2.82'", "2.8")],
         [("1.21", "stair 'west'", "1.16")],
     ]
     assert all(line.startswith("flow higher than measured: ") and "set behaviours.gaps={}" in line for line in warned)
-    assert "flows.csv" in flow_warnings(building, flows, None)[0]
+    assert "flows.csv" in flow_warnings(building, (), flows, None)[0]
+    stopped = Change(5.0, "move", "west", {"value": False})
+    assert not [line for line in flow_warnings(building, (stopped,), flows, None) if "west" in line]
 
 
 def test_an_exit_that_few_leave_by_while_others_queue_has_a_warning(tmp_path):
