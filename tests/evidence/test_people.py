@@ -15,7 +15,7 @@ def moving(start, velocity, duration=30.0):
     """The track of people who walk at constant velocities from given places."""
     time = TICK * np.arange(round(duration / TICK) + 1)
     position = np.array(start, float)[None] + time[:, None, None] * np.array(velocity, float)
-    return Track(time, position, np.ones(position.shape[:2], bool), np.full(len(start), np.nan))
+    return Track(time, position, np.zeros(position.shape[:2], np.int32), np.full(len(start), np.nan))
 
 
 def in_a_row(number, distance, velocity, first=-1.0):
@@ -70,7 +70,7 @@ def test_heading_turns_by_the_angle_of_a_zigzag():
     turns = []
     for length in (0.02, 0.001):  # m in a tick
         place = np.array([-1.5, 0.0]) + length * way
-        track = Track(TICK * np.arange(101), place[:, None], np.ones((101, 1), bool), np.full(1, np.nan))
+        track = Track(TICK * np.arange(101), place[:, None], np.zeros((101, 1), np.int32), np.full(1, np.nan))
         turns.append(measures.heading_rms(track, 4.0, Line(0, 0.0, 1)))
     assert turns == pytest.approx([20.0, np.nan], nan_ok=True)  # who hardly moves has no heading
 
@@ -105,7 +105,7 @@ def test_two_way_counts_each_crowd_in_its_direction_where_both_are():
 
 def test_bend_has_the_distance_from_its_inner_corner_at_the_diagonal():
     track = moving([(-4.0, -1.0), (-5.0, -2.0), (-6.0, -3.0)], (1.0, 0.0))
-    done = Track(track.time, track.position, track.inside, np.array([7.0, 9.0, 8.0]))
+    done = Track(track.time, track.position, track.level, np.array([7.0, 9.0, 8.0]))
     found = measures.bend(done)
     assert (found["last out [s]"], measures.last_out(done, 1)["last out [s]"]) == (9.0, 7.0)
     assert found["from inner corner [m]"] == pytest.approx(2.0 * np.sqrt(2.0), abs=0.1)

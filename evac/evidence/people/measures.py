@@ -74,13 +74,18 @@ class Track(NamedTuple):
 
     time: FloatArray  # (t,) [s]
     position: FloatArray  # (t, n, 2) [m]
-    inside: NDArray[np.bool_]  # (t, n): whether a person has not left yet
+    level: IntArray  # (t, n): -1 for people who have left
     exit_time: FloatArray  # (n,): NaN for people who are left [s]
 
     @property
     def tick(self) -> float:
         """The interval [s]."""
         return float(self.time[1] - self.time[0])
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Whether a person has not left yet, (t, n)."""
+        return self.level >= 0
 
 
 def passing_times(track: Track, line: Line) -> FloatArray:

@@ -17,7 +17,7 @@ from evac.contract.registry import built_in
 from evac.evidence.evidence import Evidence, Row
 from evac.evidence.people import measures, scenes
 from evac.evidence.people.measures import MEASURES, Line, Track, Values
-from evac.evidence.people.scenes import NARROW_DOOR, OF_DEFAULT, SCENES, TWO_WAY_2, imo_8_name
+from evac.evidence.people.scenes import NARROW_DOOR, OF_DEFAULT, SCENES, TWO_WAY_2, Experiment, imo_8_name
 from evac.evidence.scenes import model_overrides
 from evac.folder.digests import digest_of_data, digest_of_file
 from evac.folder.files import replacing
@@ -89,6 +89,12 @@ def run_job(job: Job) -> Row:
 def walked(name: str, behaviours: Mapping[str, Any], model: str, seed: int) -> tuple[Values, int]:
     """Run a scene and return its measures, none if people are left, and how many are."""
     scene = SCENES[name]()
+    track, left = follow(simulation_of(name, scene, behaviours, model, seed), scene.line)
+    return {} if left else scene.measure(track), left
+
+
+def simulation_of(name: str, scene: Experiment, behaviours: Mapping[str, Any], model: str, seed: int) -> Simulation:
+    """Return the simulation of an experiment with a movement model and a contact model."""
     content = {
         "title": name,
         "building": scene.plan,
@@ -97,23 +103,22 @@ def walked(name: str, behaviours: Mapping[str, Any], model: str, seed: int) -> t
         "people": [{"name": f"group {k}", "speed": scene.speed, **group} for k, group in enumerate(scene.people)],
         "behaviours": behaviours,
     }
-    track, left = follow(Simulation(load_case(content, model_overrides(model))), scene.line)
-    return {} if left else scene.measure(track), left
+    return Simulation(load_case(content, model_overrides(model)))
 
 
 def follow(simulation: Simulation, line: Line | None) -> tuple[Track, int]:
     """Return how people move until everybody is beyond a line, or has left, and how many are not."""
     crowd = simulation.population.crowd  # the same one in all ticks
-    times, places, inside = [simulation.time], [crowd.position.copy()], [crowd.level >= 0]
+    times, places, levels = [simulation.time], [crowd.position.copy()], [crowd.level.copy()]
     is_through = np.zeros(len(crowd.level), bool)
     while not (simulation.ended or is_through.all()):
         simulation.advance_tick()
         times.append(simulation.time)
         places.append(crowd.position.copy())
-        inside.append(crowd.level >= 0)
-        is_through = ~inside[-1] if line is None else line.beyond(places[-1]) >= 0.0
+        levels.append(crowd.level.copy())
+        is_through = levels[-1] < 0 if line is None else line.beyond(places[-1]) >= 0.0
     exit_time = np.where(np.isfinite(crowd.exit_time), crowd.exit_time, np.nan)
-    return Track(np.array(times), np.array(places), np.array(inside), exit_time), int((~is_through).sum())
+    return Track(np.array(times), np.array(places), np.array(levels), exit_time), int((~is_through).sum())
 
 
 def measure_runs(evidence: Evidence) -> list[Row]:

@@ -1,0 +1,1 @@
+"""Comfort: accelerations, turns and speeds of people who touch nobody, and steps back over portals."""
