@@ -79,9 +79,7 @@ class Motion(Struct):
 
     heading: Pairs  # (n, 2) unit heading of the last tick; (0, 0) before the first one
     next: Pairs  # (n, 2) that of this tick
-    desired: Pairs  # (n, 2) unit direction of the desired velocity of this tick
     velocity: Pairs  # (n, 2) displacement velocity in the last tick [m/s]
-    factor: Floats  # (n,) share of the desired speed
     left: Floats  # (n,) speed that others left in the last tick, by which people decide how far they look [m/s]
     standing: int  # number of people who do not want to walk
     fastest: float  # greatest velocity [m/s]
@@ -225,15 +223,12 @@ class Walking(Behaviour):
         self._world, self._outside, self._tick = scene.world, scene.outside, scene.tick
         self._displacement_velocity = scene.displacement_velocity
         self._sights = make_sights(n, levels)
-        self.heading, following, desired, velocity = np.zeros((4, n, 2))
-        factor, left = np.ones((2, n))
+        self.heading, following, velocity = np.zeros((3, n, 2))
         self._motion = Motion(
             heading=self.heading,
             next=following,
-            desired=desired,
             velocity=velocity,
-            factor=factor,
-            left=left,
+            left=np.ones(n),
             standing=0,
             fastest=0.0,
             widest=float(scene.crowd.contact_radius.max(initial=0.0)),
@@ -289,7 +284,6 @@ def walk(
     motion.standing, motion.fastest = 0, 0.0
     for i in range(n):
         motion.next[i, 0], motion.next[i, 1] = sights.direction[i, 0], sights.direction[i, 1]
-        motion.desired[i, 0], motion.desired[i, 1] = sights.direction[i, 0], sights.direction[i, 1]
         if sights.level[i] >= sights.levels:
             motion.velocity[i, 0], motion.velocity[i, 1] = outside.velocity[i, 0], outside.velocity[i, 1]
         if sights.level[i] >= 0:
@@ -298,28 +292,15 @@ def walk(
         if motion.heading[i, 0] == 0.0 and motion.heading[i, 1] == 0.0:
             motion.heading[i, 0], motion.heading[i, 1] = sights.direction[i, 0], sights.direction[i, 1]
     for i in range(n):
-        motion.factor[i] = 1.0
         if sights.wanted[i] > 0.0:
-            decide(world, crowd, sights, seen, motion, rule, turn, time, i)
+            decide(world, crowd, outside, sights, seen, motion, rule, turn, time, i)
     for i in range(n):
         motion.heading[i, 0], motion.heading[i, 1] = motion.next[i, 0], motion.next[i, 1]
-        if sights.wanted[i] <= 0.0:
-            continue
-        if sights.level[i] >= sights.levels:
-            outside.speed_factor[i] *= motion.factor[i]
-            continue
-        crowd.speed_factor[i] *= motion.factor[i]
-        ex, ey = sights.direction[i, 0], sights.direction[i, 1]
-        if crowd.extra_direction[i, 0] != 0.0 or crowd.extra_direction[i, 1] != 0.0:
-            column = column_of(world.fields, crowd.route[i], crowd.contact_radius[i])
-            ex, ey = sample_direction(world.fields, crowd.position[i, 0], crowd.position[i, 1], crowd.level[i], column)
-        crowd.extra_direction[i, 0] = motion.desired[i, 0] - ex
-        crowd.extra_direction[i, 1] = motion.desired[i, 1] - ey
 
 
 @inner
-def decide(world, crowd, sights, seen, motion, rule, turn, time, i):
-    """Set heading and speed of person i."""
+def decide(world, crowd, outside, sights, seen, motion, rule, turn, time, i):
+    """Set heading, speed factor and extra direction of person i."""
     wanted = sights.wanted[i]
     is_inside = sights.level[i] < sights.levels
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
@@ -335,13 +316,19 @@ def decide(world, crowd, sights, seen, motion, rule, turn, time, i):
     if found > most and most < wanted:
         found, speed = get_on(world, crowd, sights, seen, motion, rule, length, turn, time, wanted, i)
     motion.left[i] = found
-    if is_inside:
-        hx, hy = motion.next[i, 0], motion.next[i, 1]
-        vx, vy = keep_off(world, crowd, sights, seen, rule, i, speed * hx, speed * hy)
-        speed = math.sqrt(vx * vx + vy * vy)
-        if speed > 1e-6:
-            motion.desired[i, 0], motion.desired[i, 1] = vx / speed, vy / speed
-    motion.factor[i] = speed / wanted
+    if not is_inside:
+        outside.speed_factor[i] *= speed / wanted
+        return
+    vx, vy = keep_off(world, crowd, sights, seen, rule, i, speed * motion.next[i, 0], speed * motion.next[i, 1])
+    speed = math.sqrt(vx * vx + vy * vy)
+    crowd.speed_factor[i] *= speed / wanted
+    dx, dy = ex, ey
+    if speed > 1e-6:
+        dx, dy = vx / speed, vy / speed
+    if crowd.extra_direction[i, 0] != 0.0 or crowd.extra_direction[i, 1] != 0.0:
+        column = column_of(world.fields, crowd.route[i], crowd.contact_radius[i])
+        ex, ey = sample_direction(world.fields, crowd.position[i, 0], crowd.position[i, 1], crowd.level[i], column)
+    crowd.extra_direction[i, 0], crowd.extra_direction[i, 1] = dx - ex, dy - ey
 
 
 @inner
