@@ -1,5 +1,6 @@
 """Conditions of the air that FDS has computed: slice files of several meshes, planes and volumes."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -64,8 +65,8 @@ ASKED = {"extinction": "QUANTITY='EXTINCTION COEFFICIENT'", "temperature": "QUAN
 ASKED |= {"radiation": "QUANTITY='INTEGRATED INTENSITY'"}
 ASKED |= {key: f"QUANTITY='VOLUME FRACTION', SPEC_ID='{name}'" for key, name in SPECIES.items()}
 
-#: Distance of a plane from the heads that it stands for, from which on that is told [m].
-TOLERANCE = 0.3
+#: Distance of a plane from the heads that it stands for, from which on that is told, and the greatest one [m].
+TOLERANCE, FARTHEST = 0.3, 3.0
 
 #: Share of an area that counts as complete, and as enough to know that slices are meant for a level.
 COMPLETE, ENOUGH = 0.995, 0.9
@@ -95,7 +96,7 @@ class Fds(ConditionSource):
         "greatest distance of a plane from heads; a warning tells of planes beyond 0.3 m",
         "m",
         minimum=0.0,
-        maximum=3.0,
+        maximum=FARTHEST,
     )
 
     def open(self, scene: SourceScene) -> Sequence[str]:
@@ -143,8 +144,7 @@ class Fds(ConditionSource):
             if name in vertical
         ]
         self._findings += _coverage(scene, levels, self._blocks, self.within)
-        for quantity, own in self._blocks.items() if self.within > TOLERANCE else ():
-            self._findings += _distances(path, scene, levels, quantity, own, self.within)
+        self._findings += _distances(path, scene, levels, self._blocks, self.within)
         return tuple(self._blocks)
 
     def findings(self) -> Sequence[str]:
@@ -324,27 +324,32 @@ def _check_heights(
             continue
         z = 0.5 * (level.z_min + level.z_max) + head
         planes = np.array([block.axes[2][0] for block in blocks if block.is_plane])
+        away = float(np.abs(planes - z).min()) if len(planes) else math.inf
         nearest = f"; the nearest plane is at {planes[np.abs(planes - z).argmin()]:.2f} m" if len(planes) else ""
+        farther = f", or read that plane (within = {math.ceil(10.0 * away) / 10.0:g})" if away <= FARTHEST else ""
         raise ScenarioError(
             f"{path}: level {level.name!r}: no slice of {quantity} within {within:g} m of z = {z:.2f} m, where the "
             f"heads of group {group!r} are{nearest}; add {_line(scene, level.index, quantity, head)} to the deck "
-            "and run FDS again, name the levels that have slices (level), or use planes that are farther away (within)"
+            f"and run FDS again, name the levels that have slices (level){farther}"
         )
 
 
 def _distances(
-    path: object, scene: SourceScene, levels: list[int], quantity: str, blocks: "list[Block]", within: float
+    path: object, scene: SourceScene, levels: list[int], blocks: "Mapping[str, list[Block]]", within: float
 ) -> Iterator[str]:
     """Yield a line for each floor whose planes are read farther than `TOLERANCE` from the heads of a group."""
     for level in (scene.building.levels[index] for index in levels):
-        planes = [block.axes[2][0] for block in blocks if block.is_plane]
-        for group, head in scene.heads.items() if level.kind == "floor" and planes else ():
-            above = min((z - level.z_min - head for z in planes), key=abs)
-            if TOLERANCE < abs(above) <= within:
-                side = "above" if above > 0.0 else "below"
+        for group, head in scene.heads.items() if level.kind == "floor" else ():
+            read: dict[float, list[str]] = {}  # quantities by the distance of their planes
+            for quantity, own in blocks.items():
+                away = [block.axes[2][0] - level.z_min - head for block in own if block.is_plane]
+                if away and TOLERANCE < abs(above := min(away, key=abs)) <= within:
+                    read.setdefault(round(above, 2), []).append(quantity)
+            for above, quantities in read.items():
+                side, air = ("above", "worse") if above > 0.0 else ("below", "better")
                 yield (
-                    f"{path}: {quantity} on level {level.name!r} is that {abs(above):.2f} m {side} the heads of group "
-                    f"{group!r}, where the air may be {'worse' if above > 0.0 else 'better'}"
+                    f"{path}: level {level.name!r}: {', '.join(quantities)} are those {abs(above):.2f} m {side} the "
+                    f"heads of group {group!r}, where the air may be {air}"
                 )
 
 

@@ -120,7 +120,8 @@ def test_a_plane_too_far_from_heads_is_refused_with_the_line_that_the_deck_needs
     path, _ = write_slices(tmp_path, BOX, planes, [0.0, 10.0])
     with pytest.raises(evac.ScenarioError) as error:
         Simulation(house(path))
-    for word in ("level 'up'", "z = 4.53 m", "5.00 m", "&SLCF PBZ=4.53, QUANTITY='EXTINCTION COEFFICIENT' /", "level"):
+    deck = "&SLCF PBZ=4.53, QUANTITY='EXTINCTION COEFFICIENT' /"
+    for word in ("level 'up'", "z = 4.53 m", "5.00 m", deck, "level", "within = 0.5"):
         assert word in str(error.value)
     children = (("down", 1.0, 4.0),), (1.0,)
     with pytest.raises(evac.ScenarioError, match=r"PBZ=0\.90"):
@@ -132,12 +133,13 @@ def test_a_plane_too_far_from_heads_is_refused_with_the_line_that_the_deck_needs
 
 def test_planes_farther_from_heads_are_read_where_the_case_says_so_and_told(tmp_path):
     planes = [(EXTINCTION, z, False, constant(k)) for k, z in ((1.0, 1.5), (2.0, 5.0))]
+    planes += [("TEMPERATURE", z, False, constant(30.0)) for z in (1.5, 5.0)]
     path, _ = write_slices(tmp_path, BOX, planes, [0.0, 10.0])
     source = {"source": "fds", "file": str(path), "hold": True, "within": 0.5}
     simulation = Simulation(house(path, conditions=[source]))
     assert at(simulation, "up", 2.0, 2.0, 4.53) == 2.0
     (line,) = simulation.exposure.air.sources[0].findings()
-    assert "level 'up' is that 0.47 m above the heads of group 'p0'" in line
+    assert "level 'up': extinction, temperature are those 0.47 m above the heads of group 'p0'" in line
 
 
 @pytest.mark.parametrize("name", ["SOOT VISIBILITY", "VISIBILITY"])
