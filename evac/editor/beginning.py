@@ -5,7 +5,7 @@ import tomllib
 from itertools import chain, count
 from pathlib import Path
 
-from evac.base.errors import ScenarioError
+from evac.base.errors import EvacError, ScenarioError
 from evac.editor.patching import patched
 from evac.importing import import_building
 from evac.importing.documents import write_example
@@ -40,7 +40,10 @@ def begin(folder: Path, what: str, name: str = "", content: bytes = b"") -> tupl
     with tempfile.TemporaryDirectory() as place:
         source = Path(place) / Path(name).name
         source.write_bytes(content)
-        made = import_building([source], folder, partial=True)
+        try:
+            made = import_building([source], folder, partial=True)
+        except EvacError as error:  # names the copy
+            raise ScenarioError(str(error).replace(str(source), source.name)) from error
     if not (folder / PLAN).exists():
         text = "its floors are not level, so that it cannot be drawn on; it can be run"
         raise ScenarioError(f"{source.name}: {text}: `evac run {folder}`")

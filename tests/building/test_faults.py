@@ -388,3 +388,11 @@ def test_a_room_that_others_need_is_not_to_be_removed():
     table["rooms"][0]["polygon"] = 5
     errors = [one for one in errors_of(table) if one.kind == "error"]
     assert [(one.item, one.remedy) for one in errors] == [("rooms.office", "")]
+
+
+def test_a_door_without_a_storey_is_told_where_ground_is_in_files_that_are_read_later():
+    table = {
+        "storeys": [{"name": "low", "file": "low.wkt"}, {"name": "high", "file": "high.wkt", "z": 3.0}],
+        "doors": [{"name": "inner", "segment": [[4, 3], [5, 3]]}],
+    }
+    assert [(one.item, one.remedy) for one in errors_of(table)] == [("doors.inner", 'storey = "low"')]

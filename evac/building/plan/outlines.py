@@ -222,7 +222,9 @@ def along(polygon: BaseGeometry, ends: FloatArray, reach: float) -> FloatArray:
 
     Pieces shorter than 1 mm are left out. Where the outline is on the segment, pieces end exactly at its ends.
     """
-    own = sides(polygon)
+    own, beyond = sides(polygon), reach + LEAST_LENGTH
+    low, high = np.sort(own.reshape(-1, 2, 2), axis=1).transpose(1, 0, 2)
+    own = own[((high >= ends.min(axis=0) - beyond) & (low <= ends.max(axis=0) + beyond)).all(axis=1)]
     pieces, _ = pieces_along(own[segment_lengths(own) > 0.0], ends, reach)
     return rounded(pieces)
 

@@ -121,6 +121,8 @@ def _added(
 
     def misfits(row: Mapping[str, Any]) -> tuple[int, int]:
         """Return how many errors a row has on the storeys and rooms of the plan, and how many findings there are."""
+        if plan.files:  # which are read later
+            return 0, 0
         trial = copied(plan)
         for others in SECTIONS[2:]:
             getattr(trial, "pieces" if others in PIECES else others).clear()

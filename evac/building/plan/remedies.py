@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.base.change import Control, LiftOptions
-from evac.base.defaults import DOOR_REACH
+from evac.base.defaults import DOOR_REACH, FARTHEST
 from evac.base.toml import toml_lines
 from evac.building.geometry import between_floors, rounded, segment_lengths, sides
 from evac.building.model.findings import numbered
@@ -89,9 +89,9 @@ def changes_of_refused(plan: Plan, section: str, row: Row, unknown: list[str]) -
             yield [{**row, key: one} for one in _other_rooms(plan, row, value)]
         if key == "segment" and isinstance(value, list) and is_point(value[0] if value else None):
             x, y = value[0]
-            yield [
-                {**row, key: [[x, y], end]} for end in ([round(x + USUAL_WIDTH, 6), y], [x, round(y + USUAL_WIDTH, 6)])
-            ]
+            if max(abs(x), abs(y)) <= FARTHEST:
+                ends = [round(x + USUAL_WIDTH, 6), y], [x, round(y + USUAL_WIDTH, 6)]
+                yield [{**row, key: [[x, y], end]} for end in ends]
     yield from _completed(plan, section, row, unknown)
     optional = [key for key, own in known.items() if key != "name" and own.default is not inspect.Parameter.empty]
     yield from ([one] for one in _without(row, [key for key in row if key not in known or key in optional]))
@@ -114,7 +114,7 @@ def _without(row: Row, keys: Iterable[str]) -> Iterator[Row]:
 
 def values_like(key: str, value: Any) -> Iterator[Any]:
     """Yield a value in the form that its key has: texts, numbers that are not negative, segments of two points."""
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= FARTHEST
     if key in TEXTS and is_number:
         yield f"{value:g}"
     elif is_number and value < 0.0:
