@@ -31,6 +31,7 @@ def case_of(*events, places=("yard",), rooms=(None,), number=8, shown=False, **g
             "event": [{"kind": "strategy", "target": "class"} | event for event in events],
             "contact": {"model": "nsm2"},
             "behaviours": {"walking": {}},
+            "directions": {"spacing": 0.2},
             "output": dict.fromkeys(("trajectory", "replay", "picture"), shown),
         }
     )

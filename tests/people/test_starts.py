@@ -33,6 +33,7 @@ def started(plan, *people, **tables):
     """The simulation of a case whose groups have these keys, before its first step."""
     groups = [{"name": f"group {k}", "speed": 1.2, **group} for k, group in enumerate(people)]
     case = {"building": {"plan": plan}, "people": groups, "contact": {"model": "nsm2"}, **tables}
+    case.setdefault("directions", {"spacing": 0.2})
     return evac.Simulation(evac.load(case), will_run=False)
 
 
