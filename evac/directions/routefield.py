@@ -380,10 +380,10 @@ class RouteField(Saved):
                 former[packed] = waves.exit[packed]
             solved = levels
             lowered = self._march(levels, levels & occupied, occupied - levels)
-            if not lowered:
-                self.write(levels - self.stale)
-                return len(levels - self.stale)
             levels = self._behind(levels | lowered) - self._resting
+            if not lowered or levels == solved:  # times on resting levels stay as they are
+                self.write(solved - self.stale)
+                return len(solved - self.stale)
         return 0
 
     def _march(self, levels: Set[int], needed: Set[int], others: Set[int] = frozenset()) -> set[int]:

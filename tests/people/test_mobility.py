@@ -108,8 +108,9 @@ def test_who_cannot_leave_waits_in_a_refuge_and_counts_as_there(tmp_path):
     assert (again.places, again.exit_status, again.remarks) == (results.places, 0, results.remarks)
 
 
-def test_a_refuge_takes_no_more_people_than_its_capacity():
-    results = evac.run(with_refuges(("lobby", 2), ("corner", 2)))
+@pytest.mark.parametrize("spacing", [0.1, 0.2])  # with 0.2, a way is shorter over a level on which nobody goes that way
+def test_a_refuge_takes_no_more_people_than_its_capacity(spacing):
+    results = evac.run(with_refuges(("lobby", 2), ("corner", 2)).change({"directions.spacing": spacing}))
     assert [len(refuge.people) for refuge in results.places] == [2, 2]
     (told,) = results.remarks  # all refuges in one line, so that an answer of few lines loses none of them
     assert all(str(refuge) in told for refuge in results.places)
