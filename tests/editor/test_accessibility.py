@@ -1,4 +1,4 @@
-"""The page as axe-core judges it, in all of its states, at three sizes, one of them in dark."""
+"""The page as axe-core judges it, in all of its states, at three sizes, in light and in dark."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,6 +11,9 @@ from tests.editor.test_page import Page
 STATES = {
     "storey": "editor.act.select(null)",
     "room": "editor.act.select({ section: 'rooms', index: 0 })",
+    "rooms": "editor.act.selectAlike()",
+    "escalator": """editor.store.commit(editor.store.now.move('stair', { speed: 0.5 })),
+        editor.act.select({ section: 'shafts', index: 0 })""",
     "group": "editor.act.select({ section: 'people', index: 0 })",
     "3d": "document.getElementById('view-3d').click()",
     "stair": "editor.act.goTo('first'), editor.act.choose('stair')",
@@ -45,7 +48,8 @@ def violations(browser):
     )
 
 
-@pytest.mark.parametrize(("width", "height", "is_dark"), [(1440, 900, False), (1024, 700, True), (390, 800, False)])
+@pytest.mark.parametrize("is_dark", [False, True])
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (1024, 700), (390, 800)])
 def test_axe_finds_nothing(axe, browser, serve, house, width, height, is_dark):
     page = Page(browser, serve(house), width, height, is_dark)
     browser.run(axe)

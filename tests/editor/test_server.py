@@ -3,7 +3,11 @@
 import http.client
 import json
 import math
+import subprocess
+import sys
 from base64 import b64encode
+from types import SimpleNamespace
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -130,6 +134,17 @@ def test_the_token_is_needed_and_is_another_at_each_start(server, house, serve):
     before = (house / "house.plan.toml").read_bytes()
     assert ask(again, f"/{server.token}/save", "POST", body)[0] == 404  # of a page that is left from before
     assert (house / "house.plan.toml").read_bytes() == before
+
+
+def test_work_that_is_not_saved_outlives_a_server_that_is_killed(house, serve):
+    words = [sys.executable, "-m", "evac", "edit", str(house), "--no-browser"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        address = urlsplit(next(line for line in process.stdout if line.startswith("address")).split()[1])
+        killed = SimpleNamespace(server_port=address.port, host=address.netloc, token=address.path.strip("/"))
+        table = document(killed)["table"] | {"doors": []}
+        assert ask(killed, "check", "POST", {"page": "a", "revision": 1, "table": table})[0] == 200
+        process.kill()
+    assert document(serve(house))["unsaved"] == {"table": table, "of_this_file": True}
 
 
 def test_nothing_is_edited_before_it_was_chosen(serve, tmp_path, monkeypatch):

@@ -12,7 +12,7 @@ const KEYS = [
   ["N, Shift+N", "select the next thing of the storey, the one before"],
   ["C", "next wall or corner of what is selected, which arrows then move"],
   ["I", "type the values of what is selected"],
-  ["Shift+click, Ctrl+A", "select several, all of the kind that is selected; values and Delete are then for all"],
+  ["Shift+click, B, Ctrl+A", "select several: this one, too; the next of the kind, too; all of the kind. Values and Delete are then for all"],
   ["Delete, Ctrl+D", "delete, duplicate"],
   ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"],
   ["Page up, Page down", "next storey up, down"],
@@ -67,10 +67,22 @@ async function start() {
       act.select(first ?? null, also);
     },
 
-    // Selects all of the kind that is selected, or all rooms.
+    // What is on the storey of the kind that is selected, or its rooms.
+    alike() {
+      const { section } = view.selected ?? { section: "rooms" };
+      return store.now.on(view.storey).filter((one) => one.section === section && one.part === undefined);
+    },
+
     selectAlike() {
-      const { section } = view.selected ?? { section: "rooms" }, [first, ...also] = store.now.on(view.storey).filter((one) => one.section === section && one.part === undefined);
+      const [first, ...also] = act.alike();
       if (first) act.select(first, also);
+    },
+
+    // Takes the next one of the kind to what is selected.
+    addNext() {
+      const all = act.alike(), at = all.findIndex((one) => one.index === view.selected?.index), next = [...all.slice(at + 1), ...all.slice(0, at + 1)].find((one) => !view.isSelected(one));
+      if (view.selected && next) act.toggle(next);
+      else if (next) act.select(next);
     },
 
     goTo(name) {
@@ -327,7 +339,7 @@ async function start() {
     if (isTyped || isControl || event.altKey) return;
     if (event.target === view.canvas && tools.key(event)) return event.preventDefault();
     const tool = Object.keys(TOOLS).find((name) => TOOLS[name].key === key && isUsable(name));
-    const other = { n: () => act.next(event.shiftKey ? -1 : 1), c: act.nextPart, i: () => by("inspector").querySelector("input")?.select(), delete: act.remove, backspace: act.remove, pageup: () => act.climb(1), pagedown: () => act.climb(-1), 3: () => showView(by("view3d").hidden), f: fit, "+": () => view.zoomAt(1.25, [view.x, view.y]), "-": () => view.zoomAt(0.8, [view.x, view.y]), t: act.theme, "?": actions["show-help"], escape: () => { if (tools.points.length || tools.tool === "select") tools.cancel(); else tools.choose("select"); act.select(null); view.canvas.focus(); } }[key];
+    const other = { n: () => act.next(event.shiftKey ? -1 : 1), b: act.addNext, c: act.nextPart, i: () => by("inspector").querySelector("input")?.select(), delete: act.remove, backspace: act.remove, pageup: () => act.climb(1), pagedown: () => act.climb(-1), 3: () => showView(by("view3d").hidden), f: fit, "+": () => view.zoomAt(1.25, [view.x, view.y]), "-": () => view.zoomAt(0.8, [view.x, view.y]), t: act.theme, "?": actions["show-help"], escape: () => { if (tools.points.length || tools.tool === "select") tools.cancel(); else tools.choose("select"); act.select(null); view.canvas.focus(); } }[key];
     if (!tool && !other) return;
     event.preventDefault();
     if (tool) tools.choose(tool); else other();
