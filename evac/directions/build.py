@@ -4,6 +4,7 @@ import math
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import shapely
@@ -490,6 +491,7 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit]) -> Fl
                 nodes = np.stack(np.unravel_index(strip, grid.window.shape), axis=1)
                 packed[strip] = outward_directions(exit_.segments, grid.window.places(nodes))
     take_halos(grids, direction)
+    shared = Shared()
     for grid in grids.levels:
         own = direction[grid.packed].reshape(*grid.window.shape, 2)
         pointing = np.any(own != 0.0, axis=2)
@@ -506,5 +508,6 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit]) -> Fl
         own[cut] = own[nearest_marked(leading, cut)]
         if known.any():
             missing &= ~cut
-            own[missing] = own[nearest_marked(known, missing)]
+            masks = known.tobytes(), missing.tobytes(), known.shape
+            own[missing] = own[shared.get(partial(nearest_marked, known, missing), *masks)]
     return direction
