@@ -282,13 +282,9 @@ def _levels_leading(
     building: Building, route: Route, barred: frozenset[tuple[int, int]], anywhere: bool
 ) -> tuple[int, ...]:
     """Return the levels that a route leads out from; `anywhere` as for `build_fields`."""
-    routes = (route, _to_any_exit(route)) if anywhere else (route,)
+    routes = (route, replace(route, exits=())) if anywhere else (route,)
     ends = (ends_of_route(building, one) for one in routes)
     return tuple(sorted(set().union(*(levels_reaching(building, own, barred, bool(route.lifts)) for own in ends))))
-
-
-def _to_any_exit(route: Route) -> Route:
-    return replace(route, exits=())
 
 
 def _lead_anywhere(solver: _Solver, solved: list[_Solved], narrowest: float, classes: Sequence[BodyClass]) -> None:
@@ -303,7 +299,7 @@ def _lead_anywhere(solver: _Solver, solved: list[_Solved], narrowest: float, cla
         return
     others = replace(
         solver,
-        routes=tuple(_to_any_exit(solver.routes[index]) for index in lost),
+        routes=tuple(replace(solver.routes[index], exits=()) for index in lost),
         rates=tuple(solver.rates[index] for index in lost),
         barred=tuple(solver.barred[index] for index in lost),
         reaching=tuple(solver.reaching[index] for index in lost),

@@ -21,7 +21,9 @@ def find_cell_walls(classes: Sequence[BuildingGrids], routes: int, steepest: flo
     offset = np.zeros((len(classes[0].levels), len(classes)), dtype=np.int32)
     for column, grids in enumerate(classes):
         for grid in grids.levels:
-            own = np.concatenate([grids.walls[grid.level], grids.exit_segments(grid.level)])
+            building = grids.building
+            exits = [way.segments for way in building.exits_of(grid.level) if building.is_open(way)]
+            own = np.concatenate([grids.walls[grid.level], *exits])
             number, through = _cells_of(grid.window, own)
             offset[grid.level, column] = column * grids.size + grid.offset
             cells.append(offset[grid.level, column] + through)

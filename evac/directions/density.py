@@ -19,7 +19,9 @@ class Kernels:
     def __init__(self, grids: BuildingGrids, packed: PackedFields, width: float) -> None:
         self.grids, self._packed, self._width = grids, packed, width
         self.first = np.array([grid.offset for grid in grids.levels], dtype=np.int64)
-        self._weight = _weights_on_floor(grids, width)
+        if width not in grids.weights:
+            grids.weights[width] = _weights_on_floor(grids, width)
+        self._weight = grids.weights[width]
         self._behind_portals = [_behind_portals(grids, grid) for grid in grids.levels]
 
     def nodes_at(self, level: IntArray, position: FloatArray) -> IndexArray:

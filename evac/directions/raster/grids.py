@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -100,6 +100,8 @@ class BuildingGrids:
     clearance: float  # distance from walls up to which the slowness is increased [m]
     size: int  # total number of nodes of all grids
     margin: int  # number of nodes around each level; strips behind exits have at most one row less
+    # (nodes,) float64 by width: weights of the kernels of densities on the floor, found when they are first needed
+    weights: dict[float, FloatArray] = field(default_factory=dict)
 
     def portals_of(self, level: int) -> list[Portal]:
         """Return the open portals of a level."""
@@ -109,11 +111,6 @@ class BuildingGrids:
     def own_nodes(self) -> BoolArray:
         """The mask (nodes,) of the own nodes of all levels."""
         return np.concatenate([(grid.sheet == OWN).ravel() for grid in self.levels])
-
-    def exit_segments(self, level: int) -> FloatArray:
-        """Return the segments (s, 4) of the open exits of a level [m]."""
-        exits = [exit_.segments for exit_ in self.building.exits_of(level) if self.building.is_open(exit_)]
-        return np.concatenate([np.zeros((0, 4)), *exits])
 
     def is_ground(self, grid: LevelGrid) -> BoolArray:
         """Return the mask (nx, ny) of the nodes of a grid on a level: own nodes and halos, but not strips."""
