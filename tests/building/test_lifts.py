@@ -130,6 +130,7 @@ def test_a_lift_within_a_floor_is_walled_off():
     ("change", "key", "word"),
     [
         ({"storeys": ["ground"]}, "lift 'A'", "at least two"),
+        ({"storeys": [["ground"], "first"]}, "lift 'A'", "at least two"),
         ({"storeys": ["ground", "attic"]}, "lift 'A'", "attic"),
         ({"door": [(10.9, 2.6), (10.9, 3.4)]}, "lift 'A'", "outline"),
         ({"door": [(11.6, 2.6), (11.6, 3.4)]}, "lift 'A'", "no floor"),

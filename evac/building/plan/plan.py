@@ -595,7 +595,8 @@ class Plan:
         """
         what = f"lift {name!r}"
         self._check_new("lifts", name, [lift.name for lift in self.lifts])
-        if isinstance(storeys, str) or not isinstance(storeys, Sequence) or len({*storeys}) < max(2, len(storeys)):
+        names = [] if isinstance(storeys, str) or not isinstance(storeys, Sequence) else [*storeys]
+        if not all(isinstance(one, str) for one in names) or len({*names}) < max(2, len(names)):
             raise BuildingError(f"{self.source}: {what}: storeys must be a list of at least two names, not {storeys!r}")
         with naming_part(self.source, what):
             outline = outline_of(polygon)

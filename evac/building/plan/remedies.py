@@ -71,8 +71,8 @@ def changes_of_refused(plan: Plan, section: str, row: Row, unknown: list[str]) -
     known = keys_of(section)
     yield from ([one] for one in _renamed(row, [*known]))
     yield from _on_storeys(plan, section, row)
-    taken = [one.name for one in getattr(plan, section, ()) if hasattr(one, "name")] if section != "storeys" else []
-    taken = [*plan.storeys] if section == "storeys" else taken
+    items = () if section in ("flights", "landings") else getattr(plan, section)
+    taken = [*items] if section == "storeys" else [one.name for one in items]
     if "name" in known and row.get("name", "") in ("", *taken):
         yield [{**row, "name": name} for name in [*unknown, numbered(row.get("name") or section[:-1], taken)]]
     for key, value in row.items():
@@ -215,7 +215,8 @@ def changes_of_drawn(plan: Plan, drawing: Drawing, section: str, row: Row, text:
     elif section == "lifts":
         outline = np.array(polygon) if isinstance(polygon, list) else np.empty((0, 2))
         if np.shape(row["door"]) == (2, 2) and len(outline):
-            yield from ({"door": ends} for ends in _doors_of_car(outline, np.array(row["door"])))
+            walls = np.concatenate([outline, np.roll(outline, -1, axis=0)], axis=1)
+            yield from ({"door": ends} for ends in _along_walls(walls, np.array(row["door"]), len(walls)))
         yield from ({"storeys": [one for one in row["storeys"] if one != name]} for name in row["storeys"])
 
 
@@ -236,11 +237,6 @@ def _on_walls(drawing: Drawing, section: str, storey: str, ends: FloatArray) -> 
     walls = walls[segment_lengths(walls) > LEAST_WIDTH + 2 * JAMB]
     walls = walls[between_floors(floor, walls, DOOR_REACH) == (section == "doors")]
     yield from _along_walls(walls, ends, MOST_WALLS)
-
-
-def _doors_of_car(outline: FloatArray, door: FloatArray) -> Iterable[list[list[float]]]:
-    """Yield segments on the sides of the car (n, 2) of a lift, that nearest to a door first."""
-    yield from _along_walls(np.concatenate([outline, np.roll(outline, -1, axis=0)], axis=1), door, len(outline))
 
 
 def _along_walls(walls: FloatArray, ends: FloatArray, most: int) -> Iterable[list[list[float]]]:
