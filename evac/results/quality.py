@@ -26,6 +26,9 @@ LEAST_FLOW = 0.5
 QUEUE = 5
 QUEUE_SPAN = 10.0
 
+#: Gap between bodies within which people at a place are in the way of somebody without progress [m].
+BESIDE = 0.5
+
 #: Net energy created by contacts is reported if it exceeds this share of the work of driving.
 MADE = 0.01
 
@@ -295,6 +298,8 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
                 "bodies in contact can block a narrow passage permanently, because people do not turn or give way; "
                 "compare several seeds, or a wider passage"
             )
+        if beside := [place for place in results.places if _are_near(results, first, place.people)]:
+            why = f"people at {beside[0]} stand in the way: draw its area beside the ways of others, or larger"
         if closed := closings(results.changes):
             why = f"what is closed may hold them up: {'; '.join(closed)}"
         lines.append(
@@ -302,6 +307,14 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
             f"{results.titles_at([first])[0]!r}: {why}"
         )
     return (*lines, *results.notes)
+
+
+def _are_near(results: "Results", person: int, others: Sequence[int]) -> bool:
+    """Return whether one of some other people inside is within `BESIDE` of the body of a person."""
+    crowd, rows = results.crowd, np.array(others, np.int64)
+    rows = rows[crowd.level[rows] == crowd.level[person]]
+    gaps = np.hypot(*(crowd.position[rows] - crowd.position[person]).T) - crowd.radius[rows] - crowd.radius[person]
+    return bool((gaps < BESIDE).any())
 
 
 def closings(changes: Iterable[Change]) -> list[str]:

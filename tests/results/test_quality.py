@@ -167,3 +167,22 @@ def test_an_exit_that_nobody_leaves_by_while_people_queue_at_another_is_told(gro
     }
     lines = [line for line in evac.run(evac.load(case)).remarks if "exit 'far'" in line and "exit 'near'" in line]
     assert len(lines) == is_told
+
+
+def test_who_is_held_up_by_people_at_a_refuge_is_told_so():
+    plan = evac.Plan()
+    plan.storey("hall", shapely.box(0, 0, 12, 1.0))
+    plan.exit("out", "hall", [(0, 0.15), (0, 0.85)])
+    plan.area("niche", "hall", shapely.box(4, 0, 6, 1))
+    people = [
+        {"name": "wide", "positions": [[5.0, 0.5]], "level": "hall", "radius": 0.42, "turns": False},
+        {"name": "late", "positions": [[10.0, 0.5]], "level": "hall", "radius": 0.22},
+    ]
+    content = {"building": plan, "people": people, "place": [{"name": "niche", "kind": "refuge", "area": "niche"}]}
+    models = {"contact": {"model": "nsm2"}, "behaviours": {"walking": {}}, "simulation": {"no_progress": 12.0}}
+    with pytest.warns(evac.RunWarning):
+        results = evac.run(evac.load(content | models))
+    (line,) = [line for line in results.remarks if "without progress" in line]
+    assert line.endswith(
+        "people at refuge 'niche' stand in the way: draw its area beside the ways of others, or larger"
+    )
