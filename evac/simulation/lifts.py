@@ -417,32 +417,38 @@ class Lifts(Saved):
             for rows, lines in zip(near, self._lines, strict=True)
         ]
         rows, of = np.concatenate(near).astype(np.int32), np.repeat(np.arange(len(near)), [len(one) for one in near])
-        goes = self._goes_to_lifts(rows, of)
-        rows, of = rows[goes], of[goes]
+        goes, times = self._goes_to_lifts(rows, of)
+        order = np.argsort(-times[goes], kind="stable")  # of two lobbies, who is near both waits at that of their way
         self._waits_at[:], self._since[:] = -1, scene.time
-        self._waits_at[rows] = of
-        np.fmin.at(self._since, of, self.waits_since[rows])
+        self._waits_at[rows[goes][order]] = of[goes][order]
+        rows = np.flatnonzero(self._waits_at >= 0).astype(np.int32)
+        np.fmin.at(self._since, self._waits_at[rows], self.waits_since[rows])
         waits = self._waits_at >= 0
         is_aboard = np.isin(crowd.level, self._rooms)
         self.waits_since[~waits & ~is_aboard] = np.nan
         self.waits_since[waits & np.isnan(self.waits_since)] = scene.time
 
-    def _goes_to_lifts(self, rows: IntArray, of: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return who of some people before lobbies is on the way to one of the doors there, and not out of a car."""
+    def _goes_to_lifts(self, rows: IntArray, of: NDArray[np.int64]) -> tuple[NDArray[np.bool_], FloatArray]:
+        """Return who of some people before lobbies is on the way to one of the doors there, and not out of a car.
+
+        For each of them, the time of the way through these doors is returned, too [s].
+        """
         if not len(rows):
-            return np.zeros(0, np.bool_)
+            return np.zeros(0, np.bool_), np.zeros(0)
         fields, doors = self._scene.fields, np.array([len(lines) for lines in self._lines])[of]
         here = fields.travel_time_at(*self._of(rows))
-        level, _, route, radius = (np.repeat(values, doors, axis=0) for values in self._of(rows))
+        level, position, route, radius = (np.repeat(values, doors, axis=0) for values in self._of(rows))
         middles = np.concatenate([self._lines[k].reshape(-1, 2, 2).mean(axis=1) for k in of.tolist()])
         there = fields.travel_time_at(level, middles, route, radius)
-        there = np.minimum.reduceat(there, np.cumsum(doors) - doors)
+        first = np.cumsum(doors) - doors
+        times = np.minimum.reduceat(there + np.hypot(*(middles - position).T), first)
+        there = np.minimum.reduceat(there, first)
         goes: NDArray[np.bool_] = np.isfinite(there) & (there < here + SLACK)
         for number in np.unique(of).tolist():
             car, stop, _ = self._lobbies[number].cars[0]
             if stop == self._lifts[car].discharge:
                 goes[of == number] &= self._goals(car, stop, rows[of == number]) != stop
-        return goes
+        return goes, times
 
     def _goals(self, k: int, stop: int, rows: IntArray) -> IntArray:
         """Return the stops where people in a car at a stop, or before its doors, get out: there, or after a ride."""

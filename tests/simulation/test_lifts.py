@@ -133,6 +133,21 @@ def test_people_are_called_to_the_door_of_a_car_of_a_bank_before_it_arrives():
     assert sorted(simulation.lifts.trips[:, 4].tolist()) == [4.0, 6.0, 6.0]
 
 
+def test_people_near_two_lifts_wait_for_the_one_to_whose_door_they_walk():
+    """Each lift is a bank of its own; the second one has two places, and its way is nearly as quick."""
+    plan = evac.Plan()
+    for k in range(2):
+        plan.storey(f"s{k}", box(0, 0, 10, 6), z=4.0 * k)
+    plan.exit("door", "s0", [(0, 2), (0, 4)])
+    for y in (1.5, 4.5):
+        own = {"capacity": 7, "speed": 2.5} if y < 3.0 else {"capacity": 2, "speed": 1.0, "start": "s1"}
+        ground, door = box(10.2, y - 0.8, 11.6, y + 0.8), [(10.2, y - 0.45), (10.2, y + 0.45)]
+        plan.lift(f"lift {y}", ["s0", "s1"], ground, door, operation={**own, "dwell": 1.0, "wait": 30.0})
+    people = {"name": "all", "level": "s1", "lifts": "preferred", "positions": [[9.3, 0.8 + 0.6 * k] for k in range(4)]}
+    simulation = watched(Simulation(case(plan, [people], behaviours={})))
+    assert simulation.ended == "everybody out"
+
+
 def test_a_full_car_leaves_the_others_waiting_by_persons_and_by_load():
     people = [group(9, "s1", mass=80.0)]
     by_persons = watched(Simulation(case(tower((0.0, 4.0), capacity=4), people)))
