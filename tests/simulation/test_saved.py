@@ -27,7 +27,20 @@ OTHERS = {
         "shared_scene",
         "fields",
     ),
-    *("_log", "_nodes", "_sights", "_seen", "_motion", "_wanted", "_ways", "waves", "queues", "_classes"),
+    *(
+        "_log",
+        "_nodes",
+        "_sights",
+        "_seen",
+        "_motion",
+        "_wanted",
+        "_ways",
+        "waves",
+        "queues",
+        "_classes",
+        "_margins",
+        "_walks",
+    ),
 }
 
 
