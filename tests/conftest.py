@@ -1,7 +1,4 @@
 import multiprocessing.process
-import os
-import sys
-import tempfile
 import textwrap
 
 import pytest
@@ -69,14 +66,6 @@ PLUGIN = """
     def evac_importers():
         return [Drawn]
 """
-
-
-def pytest_configure(config):
-    """Let the processes that tests start share compiled modules where these are not written beside the sources."""
-    if sys.dont_write_bytecode and os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):
-        folder = tempfile.TemporaryDirectory(prefix="evac-tests-")
-        os.environ["PYTHONPYCACHEPREFIX"] = folder.name
-        config.add_cleanup(folder.cleanup)
 
 
 @pytest.fixture
