@@ -326,15 +326,16 @@ def test_a_car_takes_people_up_to_their_goals_while_others_go_down():
     assert_same_bits(whole, resumed)
 
 
-def test_who_rides_up_as_the_lift_goes_out_of_service_gets_out_and_takes_the_stairs():
+@pytest.mark.parametrize("spacing", [0.1, 0.15, 0.2, 0.3])
+def test_who_rides_up_as_the_lift_goes_out_of_service_gets_out_and_takes_the_stairs(spacing):
     plan = tower((0.0, 4.0), stair=True, speed=0.2)
     plan.area("post", "s1", box(1, 4, 3, 6))
     place = [{"name": "command", "kind": "assembly", "area": "post"}]
     fire = group(2, "s0", name="firefighters", assembly=["command"])
     for at in (3.0, 9.0, 30.0):  # while they walk to it, board, and ride
         event = {"kind": "close", "target": "lift 0", "time": at}
-        fine = {"directions.spacing": 0.1}
-        simulation = watched(Simulation(case(plan, [fire], "nsm1", place=place, event=[event], **fine)))
+        changes = {"directions.spacing": spacing}
+        simulation = watched(Simulation(case(plan, [fire], "nsm1", place=place, event=[event], **changes)))
         assert simulation.ended == "everybody out or at a safe place"
         assert len(simulation.results().places[0].people) == 2
 

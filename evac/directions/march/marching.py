@@ -357,7 +357,10 @@ class _March:
     def _marched(self, phi: FloatArray, speed: FloatArray, walkable: NDArray[np.bool_]) -> FloatArray:
         """Return the cost from the zero contour of `phi`, inf where no wave arrives."""
         # The march takes some ten times the memory of an array of its nodes: nothing is copied here.
-        cost = skfmm.travel_time(np.ma.array(phi, mask=~walkable), speed, dx=self.spacing, order=self.order)
+        front = np.ma.array(phi, mask=~walkable)
+        cost = skfmm.travel_time(front, speed, dx=self.spacing, order=self.order)
+        if (cost < 0.0).any():  # where the speed jumps, the second-order stencil may extrapolate below the front
+            cost = skfmm.travel_time(front, speed, dx=self.spacing, order=1)
         times: FloatArray = np.ma.getdata(cost)
         times[np.ma.getmaskarray(cost)] = math.inf
         return times
