@@ -55,10 +55,11 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
             run_check(cls, check, cls(**values))
     if case is None and issubclass(cls, Importer):
         return  # no shipped case has such files
+    advice = "" if case else "; if it needs areas, groups or files of its own, give a case that has them (--case CASE)"
     case = case or run_check(cls, check_registration, cls, values)
     for kind, check in IN_A_CASE:
         if issubclass(cls, kind):
-            run_check(cls, check, cls(**values), case, ticks)
+            run_check(cls, check, cls(**values), case, ticks, advice=advice)
 
 
 def check_contract(cls: Any) -> None:

@@ -54,8 +54,11 @@ def scene(title: str) -> AbstractContextManager[None]:
     return examining(f"scene '{title}'")
 
 
-def run_check(plugin: Any, check: Callable[..., Any], *arguments: Any) -> Any:
-    """Run a check of a plugin class and return its result; the cause of a failure is the exception of the plugin."""
+def run_check(plugin: Any, check: Callable[..., Any], *arguments: Any, advice: str = "") -> Any:
+    """Run a check of a plugin class and return its result; the cause of a failure is the exception of the plugin.
+
+    The advice follows the remedy if there was an exception.
+    """
     try:
         with examining("the class"):
             return check(*arguments)
@@ -65,4 +68,5 @@ def run_check(plugin: Any, check: Callable[..., Any], *arguments: Any) -> Any:
         wrong, _, remedy = failure.args[0].rpartition("; ")
         where = "" if ", line " in wrong or place == "no file" else f" ({place})"
         what = f"{name}: {check.__name__}, {failure.place}"
-        raise PluginError(f"{what}: {wrong}{where}; {remedy}") from failure.__cause__
+        advice = advice if failure.__cause__ else ""
+        raise PluginError(f"{what}: {wrong}{where}; {remedy}{advice}") from failure.__cause__

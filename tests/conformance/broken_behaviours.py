@@ -17,6 +17,13 @@ class Slower(Behaviour):
         crowd.speed_factor[np.hypot(*crowd.velocity.T) > 0.5] *= 0.9
 
 
+class Seeks(Slower):
+    """Needs an area that no shipped case has."""
+
+    def prepare(self, scene):
+        scene.people_in("cloakroom")
+
+
 class SneaksIn(Slower):
     """Writes through the base of a read-only array."""
 

@@ -18,7 +18,7 @@ from tests.conformance import (
     broken_forces,
     broken_solvers,
 )
-from tests.conformance.broken_behaviours import Slower
+from tests.conformance.broken_behaviours import Seeks, Slower
 from tests.conformance.broken_cases import Counting
 from tests.conformance.broken_contact_models import Linear, Tunes
 from tests.conformance.broken_solvers import solver, sound
@@ -82,6 +82,14 @@ def test_a_sound_solver_passes():
 
 def test_a_good_behaviour_passes():
     check_plugin(Slower)
+
+
+def test_a_behaviour_that_needs_its_own_area_is_told_to_be_checked_in_its_own_case():
+    with pytest.raises(PluginError, match=r"'cloakroom' .*; .*--case CASE"):
+        check_plugin(Seeks)
+    with pytest.raises(PluginError) as failure:
+        check_plugin(Seeks, load_case("square_room"))
+    assert "--case" not in str(failure.value)
 
 
 def test_a_behaviour_is_checked_in_a_case_that_uses_it():
