@@ -47,7 +47,7 @@ class Plans:
 def draw_plans(
     building: Building,
     title: str | None,
-    levels: Sequence[str | int] | None = None,
+    levels: Sequence[Sequence[Level]] | None = None,
     *,
     dpi: int = 120,
     is_filled: bool = True,
@@ -59,8 +59,8 @@ def draw_plans(
 ) -> Plans:
     """Draw the plan of each storey, with walls, exits and their names, and a scale bar.
 
-    `title`: the first line is bold. With None, no space is left for a title; `levels`: levels by name or index, each in
-    its own plan; by default all levels, grouped by storey (`Building.storeys`); `is_filled`: whether
+    `title`: the first line is bold. With None, no space is left for a title; `levels`: the levels of each plan, which
+    has the name of the first; by default all levels, grouped by storey (`Building.storeys`); `is_filled`: whether
     floors are filled with the colours of their kinds; maps fill them themselves; `side`: width of the space at the
     right for a legend or a colour bar [inches]; `has_widths`: whether the widths of portals and exits are written
     beside them; `greatest`: greatest width and height of all plans together [inches]; `part`: which of the plans,
@@ -69,7 +69,7 @@ def draw_plans(
     if levels is None:
         panels = [(name, tuple(shown)) for name, shown in building.storeys]
     else:
-        panels = [(shown.name, (shown,)) for shown in (building.level_at(level) for level in levels)]
+        panels = [(shown[0].name, tuple(shown)) for shown in levels]
     panels = panels[part]
     # All plans have the same limits, so that places above one another have the same position in each.
     x1, y1, x2, y2 = shapely.total_bounds([level.polygon for _, shown in panels for level in shown]).tolist()
@@ -283,10 +283,10 @@ class _InPlan:
         )
 
 
-def plan_view(building: Building, size: tuple[int, int], levels: Sequence[str | int] | None, side: float) -> View:
+def plan_view(building: Building, size: tuple[int, int], levels: Sequence[Sequence[Level]] | None, side: float) -> View:
     """Draw the plans of all storeys or of given levels.
 
-    `size`: width and height into which the picture is fitted [pixels]; `levels`: by default all, grouped by storey;
+    `size`: width and height into which the picture is fitted [pixels]; `levels`: as for `draw_plans`;
     `side`: width of the space at the right for a legend [inches], for a picture 10 inches wide.
     """
     plans = draw_plans(building, "", levels, side=side, has_scale_bar=False)

@@ -90,7 +90,9 @@ def draw_maps(
     changes = ", ".join(str(change) for change in trajectory.changes if any_map.start < change.time <= any_map.end)
     changes = textwrap.shorten(f"; {changes}", MOST_SAID, placeholder=" ...") if changes else ""
     title = f"{trajectory.header.get('title', '')}\n" if has_title else None
-    plans = draw_plans(trajectory.building_at(any_map.end), title, levels, dpi=dpi, is_filled=False, greatest=greatest)
+    building = trajectory.building_at(any_map.end)
+    shown = None if levels is None else [[building.level_at(level)] for level in levels]
+    plans = draw_plans(building, title, shown, dpi=dpi, is_filled=False, greatest=greatest)
     nearest = {name: _nearest_cells(own) for name, own in maps.items()}
     lasting = set(_artists(plans))
     for quantity in quantities:

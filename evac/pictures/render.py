@@ -4,7 +4,7 @@ import importlib.util
 import math
 from collections.abc import Hashable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from evac.pictures.scales import colouring
 from evac.pictures.view import Camera, View
 from evac.pictures.writing import Pen, font, legible, save_names
 from evac.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from evac.building.model.lifts import CarState
 
 #: Extinction coefficients of the scale [1/m].
 TOLD = (0.1, 0.3, 1.0, 3.0, 10.0)
@@ -96,10 +99,10 @@ class Renderer:
     """Draws frames of a trajectory: the building once for each set of links that are closed, and the people.
 
     `size`: width and height [pixels]; plans keep the building's proportions and may fill less; `view`: ``"3d"``, or
-    ``"plan"``: straight from above, with storeys side by side; `levels`: draw only these and the people on them;
-    `colour_by`: one of `COLOURINGS`; `service`: ``"fruin"`` or ``"weidmann"``: levels of service as colours of
-    densities; `letters`: size of the letters of a picture on a page, which has the title, the time and the
-    legend of groups beside it [pixels]; 0 for a picture by itself.
+    ``"plan"``: straight from above, with storeys side by side; `levels`: draw only these, cars of lifts that stand at
+    them, and the people there; `colour_by`: one of `COLOURINGS`; `service`: ``"fruin"`` or ``"weidmann"``: levels of
+    service as colours of densities; `letters`: size of the letters of a picture on a page, which has the title, the
+    time and the legend of groups beside it [pixels]; 0 for a picture by itself.
 
     Examples
     --------
@@ -143,10 +146,15 @@ class Renderer:
         frame = trajectory[k]
         view, ground, names = self._drawn_at(frame["time"])
         image = ground.copy() if self._smoke is None else self._smoke.draw(ground, view, k).copy()
-        if trajectory.building.lifts:
-            image = self._with_cars(image, view, frame["time"])
         places = view.project(frame["level"], np.column_stack([frame["position"], frame["z"]]))
         shown = np.isfinite(places[:, 0])
+        if trajectory.building.lifts:
+            from evac.building.model.lifts import cars_at
+
+            cars = cars_at(trajectory.building, trajectory.changes, frame["time"])
+            away = [car for car in cars if car.rise != 0.0 and self._levels is not None]
+            shown &= ~np.isin(frame["level"], [car.level for car in away])
+            image = self._with_cars(image, view, [car for car in cars if car not in away])
         person = frame["person"][shown]
         radius, height = view.scale * trajectory.radius[person], view.scale * trajectory.height[person]
         colours = self._colouring.of(frame)
@@ -162,14 +170,14 @@ class Renderer:
         Pen(picture).clock(f"t = {frame['time']:.1f} s      {out} of {trajectory.number_of_people} out{smoke}{latest}")
         return np.array(picture)
 
-    def _with_cars(self, image: NDArray[np.uint8], view: View, time: float) -> NDArray[np.uint8]:
-        """Return a picture with the cars of lifts: their ground, and their edges in space."""
-        from evac.building.model.lifts import CAR_HEIGHT, car_body, cars_at
+    def _with_cars(self, image: NDArray[np.uint8], view: View, cars: "Sequence[CarState]") -> NDArray[np.uint8]:
+        """Return a picture with cars of lifts: their ground, and their edges in space."""
+        from evac.building.model.lifts import CAR_HEIGHT, car_body
 
         building, picture = self.trajectory.building, Image.fromarray(image).convert("RGBA")
         layer = Image.new("RGBA", picture.size, (0, 0, 0, 0))
         pen, colour = ImageDraw.Draw(layer), rgb([CAR])[0]
-        for car in cars_at(building, self.trajectory.changes, time):
+        for car in cars:
             outline, _ = car_body(building, car)
             ground = view.project(np.full(len(outline), car.level, np.int32), outline)[:, :2]
             if not np.isfinite(ground).all():
@@ -196,13 +204,14 @@ class Renderer:
 
     def _look_at(self, building: Building) -> View:
         """Draw a building."""
+        shown = None if self._levels is None else [building.with_cars(level) for level in self._levels]
         if self._kind == "plan":
             from evac.pictures.floorplan import plan_view
 
-            return plan_view(building, self._size, self._levels, 1.6 if self._has_legend else 0.3)
+            return plan_view(building, self._size, shown, 1.6 if self._has_legend else 0.3)
         from evac.pictures.scene import LEGEND_WIDTH, MARGIN, view_of
 
-        chosen = [building.level_at(level) for level in self._levels] if self._levels is not None else building.levels
+        chosen = building.levels if shown is None else [level for own in shown for level in own]
         margin = MARGIN | {"right": MARGIN["right"] + LEGEND_WIDTH if self._has_legend else MARGIN["left"]}
         if self._letters:
             names = [level.name for level in chosen if level.kind == "floor"]

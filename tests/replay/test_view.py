@@ -13,7 +13,8 @@ from shapely import Point, box
 import evac
 from evac.replay.account import account_of_run
 from evac.replay.motion import MotionPacker
-from evac.replay.writer import write_page
+from evac.replay.writer import replay_trajectory, write_page
+from evac.trajectory.trajectory import read_trajectory
 
 #: Least change of a part of the colour of a pixel, from 0 to 255, by which somebody is told from what is behind.
 TOLD_APART = 25
@@ -228,6 +229,32 @@ def test_the_section_has_storeys_as_bars_and_stairs_unfolded_beside_them(browser
     rise = np.polyfit(z[stairs], y[stairs], 1)
     assert rise[0] > 0.5
     assert np.abs(np.polyval(rise, z[stairs]) - y[stairs]).max() < 1.0  # half the width of a stair, and its landing
+
+
+def test_the_section_shows_a_car_and_its_riders_on_their_way(browser, tmp_path):
+    plan = evac.Plan()
+    for k in range(3):
+        plan.storey(f"s{k}", box(0, 0, 10, 6), z=4.0 * k)
+    plan.exit("door", "s0", [(0, 2), (0, 4)])
+    plan.lift("lift", ["s0", "s1", "s2"], box(10.2, 2.2, 11.6, 3.8), [(10.2, 2.55), (10.2, 3.45)])
+    people = [{"name": "one", "positions": [[9.0, 3.0]], "level": "s2", "lifts": "preferred"}]
+    case = {"building": plan, "people": people, "contact": {"model": "nsm2"}, "behaviours": {"walking": {}}}
+    quiet = {"output.every": 0.2, "output.picture": False, "output.animation": False}
+    evac.run(evac.load(case, quiet), tmp_path / "r", progress=False)
+    trajectory = read_trajectory(tmp_path / "r" / "trajectory.evac")
+    replay_trajectory(trajectory, tmp_path / "replay.html")
+    z = trajectory.z[:, 0]
+    browser.show(tmp_path / "replay.html")
+    browser.run("replay.act.view('section')")
+    seen = []
+    for height in (6.0, 5.0, 3.0, 2.0):
+        browser.run(f"replay.act.seek({trajectory.time[np.nanargmin(np.abs(z - height))]})")
+        browser.settle()
+        seen.append(browser.run("[replay.record.now.z[0], replay.people.bodies[1]]"))
+    z, y = np.array(seen).T
+    rise = np.polyfit(z, y, 1)
+    assert rise[0] >= 0.8  # storeys are 3.2 m apart in the picture at least
+    np.testing.assert_allclose(np.polyval(rise, z), y, atol=0.01)
 
 
 def test_walls_thinner_than_a_pixel_are_drawn_in_plan(browser, page):

@@ -443,8 +443,15 @@ def test_a_recorded_run_has_its_lifts_and_the_heights_of_people_who_ride(tmp_pat
     assert heights[k] == pytest.approx(z[k].min(), abs=0.006)
     assert np.abs(np.diff(heights)).max() <= 0.2 * 2.0 + 0.02  # the car does not jump between storeys
 
-    pictures = [Renderer(trajectory, (400, 400), view=view).image(k) for view in ("3d", "plan")]
-    assert all((np.abs(picture - np.array(rgb([CAR])[0], float)).max(axis=2) < 40).any() for picture in pictures)
+    def has_car(k, view, *levels):
+        picture = Renderer(trajectory, (400, 400), view=view, levels=levels or None).image(k)
+        return bool((np.abs(picture - np.array(rgb([CAR])[0], float)).max(axis=2) < 40).any())
+
+    last = len(trajectory) - 1  # the car stands at s0
+    for view in ("3d", "plan"):
+        assert has_car(k, view)
+        found = [has_car(frame, view, level) for frame in (k, last) for level in ("s0", "s1")]
+        assert found == [False, False, True, False]
 
 
 @pytest.mark.parametrize(

@@ -404,6 +404,12 @@ class Building:
             raise ResultError(f"there is no level {level!r}; {did_you_mean(level, names)}")
         return self.levels[level if isinstance(level, int) else names.index(level)]
 
+    def with_cars(self, level: str | int) -> list[Level]:
+        """Return a level by its name or index, and the levels of the cars of lifts that stop at it."""
+        own = self.level_at(level)
+        beside = {portal.other(own.index) for portal in self.portals_of(own.index)}
+        return [own, *(self.levels[other] for other in sorted(beside) if self.levels[other].kind == "car")]
+
     @cached_property
     def storeys(self) -> list[tuple[str, list[Level]]]:
         """The storeys from the bottom to the top, each with a name and its levels.

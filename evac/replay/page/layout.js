@@ -112,7 +112,19 @@ class Layout {
 
   place(level, x, y, z) {
     const [[xx, xy, x0], [yx, yy, y0]] = this.frames[level];
-    return [xx * x + xy * y + x0, yx * x + yy * y + y0, this.height(z)];
+    return [xx * x + xy * y + x0, yx * x + yy * y + y0 + this.rise(level, z), this.height(z)];
+  }
+
+  // How far above its stop the section shows a car that rides, or somebody in it, at a height.
+  rise(level, z) {
+    const { kind, z: [low] } = this.building.levels[level];
+    return this.isSection && kind === "car" ? this.pitch * (this.storeyAt(z) - this.storeyAt(low)) : 0;
+  }
+
+  // The storey at a height, with its share between two of them.
+  storeyAt(z) {
+    const k = Math.max(0, this.storeys.slice(0, -1).findLastIndex((storey) => storey.z <= z)), [low, high] = this.storeys.slice(k);
+    return k + (z - low.z) / (high.z - low.z);
   }
 
   // Corners of everything visible, to fit the view to.

@@ -59,7 +59,7 @@ class People {
       const p = now.person[i], k = next[levels[level].storey]++;
       const [[xx, xy, x0], [yx, yy, y0]] = layout.frames[level];
       bodies[4 * k] = xx * now.x[i] + xy * now.y[i] + x0;
-      bodies[4 * k + 1] = yx * now.x[i] + yy * now.y[i] + y0;
+      bodies[4 * k + 1] = yx * now.x[i] + yy * now.y[i] + y0 + layout.rise(level, now.z[i]);
       bodies[4 * k + 2] = layout.height(now.z[i]);
       const group = record.group[p] < 0 ? this.groups.length - 1 : record.group[p];
       bodies[4 * k + 3] = record.radius[p] / 1000 + (isGroup ? this.marks[group] : 0);

@@ -10,6 +10,7 @@ function unfold(layout, aspect) {
   const [wide, deep] = isAcross ? extent : [extent[1], extent[0]], shafts = findShafts(layout);
   const whole = wide + shafts.reduce((sum, shaft) => sum + SHAFT_GAP + shaft.width, 0);
   const pitch = Math.max(LEAST_PITCH, Math.min(deep / BAR_SHARE, whole / aspect / storeys.length)), flat = BAR_SHARE * pitch / deep;
+  layout.pitch = pitch;
   levels.forEach((level, index) => {
     const low = level.storey * pitch;
     layout.frames[index] = isAcross ? [[1, 0, -box[0]], [0, flat, low - flat * box[1]]] : [[0, 1, -box[1]], [-flat, 0, low + flat * box[2]]];
