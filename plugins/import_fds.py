@@ -93,7 +93,8 @@ class FdsImporter(Importer):
                 side = "the ground up to there is read, although it may be outside of the building"
                 plan.note("warning", f"the meshes are open at a side (&VENT, line {one.number}): {side}")
         steps = _steps(of["OBST"])
-        of["OBST"] = [one for one in of["OBST"] if not any(one in own for own in steps)]
+        taken = {one for own in steps for one in own}
+        of["OBST"] = [one for one in of["OBST"] if one not in taken]
         ground = [one for one in _floors(of["MESH"], of["OBST"], of["HOLE"]) if one[1].area >= self.least]
         if not ground:
             raise ValueError(f"nowhere in the meshes are there {self.least:g} m2 of floor with {CLEAR:g} m above it")
@@ -341,7 +342,7 @@ def _stairs(steps: list[list[Line]], floors: list[Floor], cut_slabs: bool, findi
     """Return the stairs between the floors; steps that are none are left out of the floors, as obstructions are."""
     bodies = [Body("stair", f"&OBST of line {own[0].number}", *_faces([one.box for one in own])) for own in steps]
     hulls = {floor.name: shapely.convex_hull(floor.ground) for floor in floors}
-    lead = [one for one in bodies if any(-SAME < floor.z - one.z_max < SAME for floor in floors)]  # others are tribunes
+    lead = [one for one in bodies if any(_is_below(one, floor) for floor in floors)]  # others are tribunes
     stairs = stairs_of(lead, floors, hulls, cut_slabs, findings)
     made = united([stair.plan for stair in stairs])
     for body in bodies:
@@ -351,6 +352,11 @@ def _stairs(steps: list[list[Line]], floors: list[Floor], cut_slabs: bool, findi
                 if body.z_min < floor.z + SECTIONS[-1] and body.z_max > floor.z + SECTIONS[0]:
                     floor.ground = cut(floor.ground, plan)
     return stairs
+
+
+def _is_below(body: Body, floor: Floor) -> bool:
+    """Return whether steps begin below a floor and end at it."""
+    return body.z_min + SAME < floor.z and abs(floor.z - body.z_max) < SAME
 
 
 def _faces(boxes: list[FloatArray]) -> tuple[FloatArray, IndexArray]:

@@ -174,11 +174,13 @@ def test_steps_between_storeys_are_a_stair(hole, steps, flights, tmp_path):
     assert (results.number_of_people, results.evacuated) == (5, 5)
 
 
-def test_steps_that_reach_no_storey_are_obstacles(tmp_path):
-    seats = [(3.0 + 0.8 * k, 3.8 + 0.8 * k, 1.0, 3.0, 0.0, 0.25 * (k + 1)) for k in range(4)]
+@pytest.mark.parametrize("rise", [0.25, 0.09])  # the low ones end near the floor on which they stand
+def test_steps_that_reach_no_storey_are_obstacles(rise, tmp_path):
+    seats = [(3.0 + 0.8 * k, 3.8 + 0.8 * k, 1.0, 3.0, 0.0, rise * (k + 1)) for k in range(3)]
     (tmp_path / "a.fds").write_text(FIRE.format("0.0,3.2") + WALLS + _deck(7.2, seats).partition("&HOLE XB=3.0")[2])
     plan = read_building(tmp_path / "a.fds")
     assert not [level for level in plan.levels if level.stair]
+    assert "stair" not in {one.element for one in plan.findings if one.kind == "missing"}
 
 
 def test_a_slab_that_blocks_a_stair_is_cut_if_asked(tmp_path):
