@@ -78,12 +78,12 @@ def united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
     """Return the union of polygons on the grid of plans; those that meet are united apart from the others."""
     given = np.array(polygons, dtype=object)
     group = connected_components(len(given), shapely.STRtree(given).query(given, "intersects").T)
-    order = np.argsort(group, kind="stable")
-    parts = np.split(given[order], np.flatnonzero(np.diff(group[order])) + 1)
-    wholes = [
-        shapely.union(*own, grid_size=GRID) if len(own) == 2 else shapely.union_all(own, grid_size=GRID)
-        for own in parts  # a union of two is faster
-    ]
+    given, size = given[np.argsort(group, kind="stable")], np.bincount(group)
+    first, wholes = np.cumsum(size) - size, np.empty(len(size), dtype=object)
+    pairs = first[size == 2]  # a union of two is faster
+    wholes[size == 2] = shapely.union(given[pairs], given[pairs + 1], grid_size=GRID)
+    for row in np.flatnonzero(size != 2):
+        wholes[row] = shapely.union_all(given[first[row] : first[row] + size[row]], grid_size=GRID)
     return flat_parts(shapely.geometrycollections(shapely.get_parts(wholes)))
 
 

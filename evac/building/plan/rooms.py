@@ -34,8 +34,9 @@ def expanded(plan: Plan, errors: list[Finding]) -> Plan:
     rooms = {name: _rooms(plan, name, order[name]) for name in order}
     flat.rooms = [room for own in rooms.values() for room in own]
     outlines = {name: {room.name: room.outline for room in own} for name, own in rooms.items()}
+    walls = _walls_of(plan, outlines)
     for kind in (*REPEATED, "exits", "openings"):
-        own = [tied for item in getattr(plan, kind) if (tied := _tied(plan, kind, item, outlines, errors))]
+        own = [tied for item in getattr(plan, kind) if (tied := _tied(plan, kind, item, outlines, walls, errors))]
         if kind in REPEATED:
             own += [
                 _copied(kind, item, original, name)
@@ -146,9 +147,17 @@ def _storey(plan: Plan, name: str, originals: list[str], rooms: list[Room]) -> S
 
 
 def _tied(
-    plan: Plan, section: str, item: Item, outlines: Mapping[str, Mapping[str, BaseGeometry]], errors: list[Finding]
+    plan: Plan,
+    section: str,
+    item: Item,
+    outlines: Mapping[str, Mapping[str, BaseGeometry]],
+    walls: Mapping[tuple[str, tuple[str, ...]], FloatArray],
+    errors: list[Finding],
 ) -> Item | None:
-    """Return an item whose tie to rooms, given by storey and name, is a segment or polygons, or None with an error."""
+    """Return an item whose tie to rooms, given by storey and name, is a segment or polygons, or None with an error.
+
+    `walls`: between two rooms; see `_walls_of`.
+    """
     if item.tie is None:
         return item
     known = outlines.get(item.storey, {})
@@ -167,25 +176,43 @@ def _tied(
             if inner.is_empty:
                 raise ValueError(f"inset = {item.tie.inset:g} leaves nothing of room {item.tie.rooms[0]!r}; reduce it")
             return replace(item, polygons=(flat_parts(shapely.set_precision(inner, GRID)),), tie=None)
-        wall = _between(item.tie, one, other[0]) if other else _side(item.tie, one)
+        wall = walls.get((item.storey, item.tie.rooms)) if other else _side(item.tie, one)
+        if wall is None:
+            names = " and ".join(map(repr, item.tie.rooms))
+            raise ValueError(f"no wall at most {DOOR_REACH:g} m thick is between {names}")
         return replace(item, segment=_part(item.tie, wall), tie=None)
     return None
 
 
-def _between(tie: Tie, one: BaseGeometry, other: BaseGeometry) -> FloatArray:
-    """Return the longest straight wall (2, 2) between two rooms, from its end with the least (x, y)."""
-    own, others = sides(one), sides(other)
-    ends = others.repeat(len(own), axis=0).reshape(-1, 2, 2)
-    pieces, found = pieces_along(np.tile(own, (len(others), 1)), ends, DOOR_REACH)
-    near, start, end = rounded(pieces).reshape(-1, 2, 2), ends[found, :1], ends[found, 1:]
+def _walls_of(
+    plan: Plan, outlines: Mapping[str, Mapping[str, BaseGeometry]]
+) -> dict[tuple[str, tuple[str, ...]], FloatArray]:
+    """Return the longest straight wall (2, 2) between two rooms, by storey and rooms, of all that are tied to two.
+
+    It is given from its end with the least (x, y), in the middle of a wall that is drawn with both its faces.
+    """
+    items = (item for kind in (*REPEATED, "exits", "openings") for item in getattr(plan, kind) if item.tie is not None)
+    ties = {(item.storey, item.tie.rooms) for item in items if len(item.tie.rooms) == 2}
+    pairs = [one for one in sorted(ties) if outlines.get(one[0], {}).keys() >= {*one[1]}]
+    tied = {(storey, room) for storey, rooms in pairs for room in rooms}
+    lines = {(storey, room): sides(outlines[storey][room]) for storey, room in tied}
+    both = [(lines[storey, one], lines[storey, other]) for storey, (one, other) in pairs]
+    own = np.concatenate([np.empty((0, 4)), *(np.tile(one, (len(other), 1)) for one, other in both)])
+    others = np.concatenate([np.empty((0, 4)), *(other.repeat(len(one), axis=0) for one, other in both)])
+    pair = np.array([row for row, (one, other) in enumerate(both) for _ in range(len(one) * len(other))], np.int64)
+    (low, high), (least, most) = (np.sort(each.reshape(-1, 2, 2), axis=1).swapaxes(0, 1) for each in (own, others))
+    reach = DOOR_REACH + LEAST_LENGTH
+    is_near = ((high + reach >= least) & (most + reach >= low)).all(axis=1)
+    own, others, pair = own[is_near], others[is_near], pair[is_near]
+    pieces, found = pieces_along(own, others, DOOR_REACH)
+    near, start, end = rounded(pieces).reshape(-1, 2, 2), others[found, None, :2], others[found, None, 2:]
     step = (end - start) / np.linalg.norm(end - start, axis=-1, keepdims=True)
     far = start + ((near - start) * step).sum(axis=-1, keepdims=True) * step
-    walls = (near + far) / 2  # in the middle of a wall that is drawn with both its faces
-    if not len(walls):
-        raise ValueError(f"no wall at most {DOOR_REACH:g} m thick is between {tie.rooms[0]!r} and {tie.rooms[1]!r}")
-    longest: FloatArray = walls[segment_lengths(walls.reshape(-1, 4)).argmax()]
-    longest = longest[np.lexsort(longest.T[::-1])]
-    return longest
+    walls = (near + far) / 2
+    order = np.lexsort((-segment_lengths(walls.reshape(-1, 4)), pair[found]))
+    rows, first = np.unique(pair[found][order], return_index=True)
+    longest = zip(rows.tolist(), walls[order[first]], strict=True)
+    return {pairs[row]: wall[np.lexsort(wall.T[::-1])] for row, wall in longest}
 
 
 def _side(tie: Tie, room: BaseGeometry) -> FloatArray:
