@@ -1,29 +1,23 @@
 """Importer of geometries of JuPedSim in XML: rooms and subrooms, crossings, transitions, obstacles and stairs."""
 
-import re
 import xml.etree.ElementTree as Tree
 from pathlib import Path
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 from evac.base.defaults import FARTHEST
 from evac.base.parameters import Parameter
-from evac.building.geometry import enclosed, flat_parts, place_of
+from evac.building.geometry import connected_components, enclosed, flat_parts, place_of
 from evac.building.importer import Importer
 from evac.building.model.findings import numbered
 from evac.building.plan.plan import Plan
-
-#: Share of the common side of two subrooms from which on a crossing joins them without walls beside it.
-WHOLE = 0.95
 
 
 class JupedsimImporter(Importer):
     """Geometries of JuPedSim 0.x (.xml): subrooms are rooms, transitions to the room -1 exits, other ones doors.
 
-    A crossing joins two subrooms; if it is shorter than their common side, the rest is a wall. Stairs are subrooms of
-    the class `stair` or with a sloping plane, between the two floors that they cross to.
+    A crossing shorter than the common side of its subrooms is a door; `stair` and sloping subrooms join two floors.
     """
 
     name = "jupedsim"
@@ -33,10 +27,8 @@ class JupedsimImporter(Importer):
 
     def read(self, path: Path) -> Plan:
         """Read the geometry; raise ValueError if the file is none."""
-        import networkx  # takes 0.1 s, and few files need it
-
-        plan, joined = Plan(path), networkx.Graph()
-        shapes, z, use = dict[tuple[str, str], BaseGeometry](), {}, {}
+        plan, joined = Plan(path), list[tuple[int, ...]]()
+        shapes, z, use = dict[tuple[str, str], shapely.Geometry](), {}, {}
         try:
             root = Tree.fromstring(path.read_bytes())
             links = [(one, room.get("id", "")) for room in root.iter("room") for one in room.iter("crossing")]
@@ -56,31 +48,30 @@ class JupedsimImporter(Importer):
         known = {key for key, shape in shapes.items() if not shape.is_empty}
         for place, subroom in (shapes.keys() | {key for _, keys, _ in ways for key in keys}) - known:
             raise ValueError(f"room {place}, subroom {subroom}: missing, or its walls and doors enclose no area")
-        joined.add_nodes_from(key for key in shapes if not re.search("stair|escalator", use[key]))
-        levels = {height: f"z {height:g}" for height in sorted({z[key] for key in joined})}
-        if not levels:
+        floors = sorted(key for key in shapes if not any(kind in use[key] for kind in ("stair", "escalator")))
+        if not floors:
             raise ValueError("not a geometry of JuPedSim: it has no subroom that is a floor")
         for kind in ("subroom", "obstacle", "crossing", "transition"):
             plan.note("found", f"<{kind}>", element=kind, number=len([*root.iter(kind)]))
-        for height, level in levels.items():
-            plan.storey(level, None, height, wall=self.wall)
-        for name, keys, line in (way for way in ways if way[1] and all(key in joined for key in way[1])):
+        for height in sorted({z[key] for key in floors}):
+            plan.storey(f"z {height:g}", None, height, wall=self.wall)
+        for name, keys, line in (way for way in ways if way[1] and set(way[1]) <= set(floors)):
             common = shapes[keys[0]].boundary & shapes[keys[-1]].boundary
-            if name.startswith("crossing") and line.length > WHOLE * common.length:
-                joined.add_edge(*keys)
+            if name.startswith("crossing") and line.buffer(self.wall).covers(common):
+                joined.append(tuple(floors.index(key) for key in keys))
             else:
-                (plan.exit if len(keys) == 1 else plan.door)(name, levels[z[keys[0]]], line)
-        for own in networkx.connected_components(joined):
-            first = min(own)
-            for part in shapely.get_parts(shapely.union_all([shapes[key] for key in sorted(own)])):
-                name = numbered(f"room {' '.join(first)}", {room.name for room in plan.rooms})
-                plan.room(name, levels[z[first]], part, use=use[first])
-        for key in sorted(shapes.keys() - joined):
+                (plan.exit if len(keys) == 1 else plan.door)(name, f"z {z[keys[0]]:g}", line)
+        group = connected_components(len(floors), np.array(joined, dtype=int).reshape(-1, 2))
+        for label in np.unique(group):
+            own = [floors[row] for row in np.flatnonzero(group == label)]
+            for part in shapely.get_parts(shapely.union_all([shapes[key] for key in own])):
+                name = numbered(f"room {' '.join(own[0])}", {room.name for room in plan.rooms})
+                plan.room(name, f"z {z[own[0]]:g}", part, use=use[own[0]])
+        for key in sorted(shapes.keys() - floors):
             name, at = f"stair {' '.join(key)}", [(keys, line) for _, keys, line in ways if key in keys]
-            ends = {z[other]: line for keys, line in at for other in keys if other in joined}
+            ends = {z[other]: line for keys, line in at for other in keys if other in floors}
             if len(at) == len(ends) == 2:
-                low, high = sorted(ends)
-                plan.flight(name, ends[low], low, ends[high], high)
+                plan.flight(name, ends[min(ends)], min(ends), ends[max(ends)], max(ends))
             else:
                 text = f"{name} does not lead from one floor to another, higher one, and nowhere else"
                 plan.note("missing", text, place=place_of(shapes[key]), element="subroom")
@@ -93,7 +84,7 @@ def _joined(one: Tree.Element, room: str) -> list[tuple[str, str]]:
     return [key for key in keys if "-1" not in key]
 
 
-def _line(one: Tree.Element) -> BaseGeometry:
+def _line(one: Tree.Element) -> shapely.Geometry:
     """Return the line through the vertices of an element."""
     corners = [[_number(vertex.get(key)) for key in ("px", "py")] for vertex in one.iter("vertex")]
     if len(corners) < 2 or not (np.abs(corners) <= FARTHEST).all():

@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
-from evac.base.arrays import FloatArray
 from evac.base.defaults import FARTHEST
 from evac.base.parameters import Parameter
 from evac.building.geometry import flat_parts, place_of
@@ -42,61 +40,44 @@ class VadereImporter(Importer):
                 ground = ground.buffer(-float(own.get("boundingBoxWidth", 0.5)), join_style="mitre")
             of = {key: [(one, _shape(one["shape"])) for one in topography.get(key) or []] for key in READ}
             exits = [one for one in of["targets"] if one[0].get("absorbing", one[0].get("absorber", {}).get("enabled"))]
-            stairs = [(_edges(one, shape), self.rise * int(one.get("treadCount", 1))) for one, shape in of["stairs"]]
-            counts = {key: len(given) for key, given in topography.items() if isinstance(given, list)}
+            of["targets"] = exits
+            stairs = [(*_edges(*one), self.rise * int(one[0].get("treadCount", 1))) for one in of["stairs"]]
         except (LookupError, TypeError, ValueError, AttributeError, RecursionError, shapely.GEOSException) as error:
-            text = "the topography, or a shape or number of it, is missing or none"
-            raise ValueError(f"not a scenario of Vadere: {text}") from error
-        solid = shapely.union_all([shape for _, shape in (*of["obstacles"], *exits, *of["stairs"])])
-        parts = [*shapely.get_parts(flat_parts(ground.difference(solid)))]
-        if not parts:
+            raise ValueError("not a scenario of Vadere: its topography, or a shape of it, is missing") from error
+        solid = shapely.union_all([shape for key in READ if key != "sources" for _, shape in of[key]])
+        parts = shapely.get_parts(flat_parts(ground.difference(solid)))
+        if not len(parts):
             raise ValueError("the topography has no floor beside its obstacles, targets and stairs")
-        heights = _heights(parts, stairs)
-        names = {z: f"floor {number}" for number, z in enumerate(sorted(set(heights)), start=1)}
-        for z, name in names.items():
-            plan.storey(name, [part for part, height in zip(parts, heights, strict=True) if height == z], z)
-        idle = counts | dict.fromkeys(READ, 0) | {"targets": len(of["targets"]) - len(exits)}
-        for key, number in counts.items():
+        heights = np.zeros(len(parts))
+        links = [([shapely.dwithin(parts, edge.centroid, TOUCH) for edge in edges], rise) for *edges, rise in stairs]
+        for (low, up), rise in links * len(links):  # as far as stairs lead over stairs
+            if low.any() and not (low & up).any():
+                heights[up] = np.maximum(heights[up], heights[low].min() + rise).round(4)
+        for z in np.unique(heights).tolist():
+            plan.storey(f"z {z:g}", [*parts[heights == z]], z)
+        for key, number in ((key, len(given)) for key, given in topography.items() if isinstance(given, list)):
             plan.note("found", f"{number} {key}", element=key, number=number)
-            if idle[key]:
-                text = f"{idle[key]} {key}, which absorb nobody, or are not read"
-                plan.note("left out", text, element=key, number=idle[key])
-        rises = [({"id": number}, shapely.LineString(edges[0]).centroid) for number, (edges, _) in enumerate(stairs, 1)]
-        for kind, items in (("target", exits), ("source", of["sources"]), ("stair", rises)):
-            for one, shape in items:
-                name, on = f"{kind} {one.get('id')}", [heights[k] for k in _at(parts, shape)]
-                if not on:
-                    plan.note("missing", f"{name} is not at the floor", place=place_of(shape), element=f"{kind}s")
-                elif kind == "target":
-                    plan.exit(name, names[on[0]], polygon=shape)
-                elif kind == "source":
-                    plan.area(name, names[on[0]], shape)
-                else:
-                    (low, up), rise = stairs[one["id"] - 1]
-                    plan.flight(name, low, on[0], up, on[0] + rise)
-                    plan.note("assumed", f"{name} rises {rise:.2f} m (rise)", names[on[0]], place_of(shape))
+            if idle := number - len(of.get(key, [])):
+                text = f"{idle} {key}, which absorb nobody, or are not read"
+                plan.note("left out", text, element=key, number=idle)
+        rises = {f"stair {number}": stair for number, stair in enumerate(stairs, start=1)}
+        places = [(f"{key[:-1]} {one.get('id')}", shape) for key in ("targets", "sources") for one, shape in of[key]]
+        for name, shape in [*places, *((name, low.centroid) for name, (low, _, _) in rises.items())]:
+            z = heights[shapely.dwithin(parts, shape, TOUCH)].tolist()
+            if not z:
+                plan.note("missing", f"{name} is not at a floor", place=place_of(shape), element=name.split()[0] + "s")
+            elif name in rises:
+                low, up, rise = rises[name]
+                plan.flight(name, low, z[0], up, z[0] + rise)
+                plan.note("assumed", f"{name} rises {rise:.2f} m (rise)", f"z {z[0]:g}", place_of(shape))
+            elif name.startswith("target"):
+                plan.exit(name, f"z {z[0]:g}", polygon=shape)
+            else:
+                plan.area(name, f"z {z[0]:g}", shape)
         return plan
 
 
-def _heights(parts: list[BaseGeometry], stairs: list[tuple[FloatArray, float]]) -> list[float]:
-    """Return the height of each part of the floor, the lowest of those that stairs join at 0."""
-    heights, group = np.zeros(len(parts)), np.arange(len(parts))
-    for edges, rise in stairs:
-        low, up = (_at(parts, shapely.LineString(edge).centroid)[:1] for edge in edges)
-        if low and up and group[low] != group[up]:
-            own = group == group[up]
-            heights[own] += heights[low] + rise - heights[up]
-            group[own] = group[low]
-    for rows in (group == one for one in set(group)):
-        heights[rows] -= heights[rows].min()
-    return [float(z) for z in heights.round(4)]
-
-
-def _at(parts: list[BaseGeometry], shape: BaseGeometry) -> list[int]:
-    return [k for k, part in enumerate(parts) if part.dwithin(shape, TOUCH)]
-
-
-def _shape(given: Mapping[str, Any]) -> BaseGeometry:
+def _shape(given: Mapping[str, Any]) -> shapely.Geometry:
     """Return a rectangle, polygon or circle of Vadere."""
     if given["type"] == "CIRCLE":
         shape = shapely.Point(given["center"]["x"], given["center"]["y"]).buffer(float(given["radius"]))
@@ -111,9 +92,9 @@ def _shape(given: Mapping[str, Any]) -> BaseGeometry:
     return ground
 
 
-def _edges(one: Mapping[str, Any], shape: BaseGeometry) -> FloatArray:
-    """Return the lower and the upper edge (2, 2, 2) of a stair."""
+def _edges(one: Mapping[str, Any], shape: shapely.Geometry) -> list[shapely.Geometry]:
+    """Return the lower and the upper edge of a stair."""
     up = one.get("upwardDirection") or {"x": 1.0, "y": 0.0}
     corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shape))[:4]
-    edges: FloatArray = corners[np.argsort(corners @ [float(up["x"]), float(up["y"])], kind="stable")].reshape(2, 2, 2)
-    return edges
+    order = np.argsort(corners @ [float(up["x"]), float(up["y"])], kind="stable")
+    return [*shapely.linestrings(corners[order].reshape(2, 2, 2))]

@@ -67,9 +67,10 @@ LEAST_AREA = 1e-6
 
 
 def flat_parts(geometry: BaseGeometry) -> BaseGeometry:
-    """Return the polygons of a geometry; points and lines left by overlay operations are dropped."""
+    """Return the polygons of a geometry; points, lines and slivers left by overlay operations are dropped."""
     parts = shapely.get_parts(geometry)
-    kept = parts[(shapely.get_type_id(parts) == shapely.GeometryType.POLYGON) & (shapely.area(parts) > LEAST_AREA)]
+    least = np.maximum(LEAST_AREA, GRID * shapely.length(parts))  # parts as narrow as the grid are of its rounding
+    kept = parts[(shapely.get_type_id(parts) == shapely.GeometryType.POLYGON) & (shapely.area(parts) > least)]
     return kept[0] if len(kept) == 1 else shapely.multipolygons(kept)
 
 

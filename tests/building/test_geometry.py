@@ -7,6 +7,7 @@ from scipy import sparse
 
 from evac.building.geometry import (
     connected_components,
+    flat_parts,
     remembered,
     triangulate,
     union,
@@ -31,6 +32,12 @@ def test_a_polygon_that_is_not_convex_is_not_covered_twice_in_any_plane(across):
     triangles, _ = triangulate(points, np.arange(6)[None])
     sides = np.diff(points[triangles], axis=1)
     assert np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum() / 2 == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize(("width", "number"), [(1e-6, 0), (1e-5, 1)])
+def test_parts_as_narrow_as_the_grid_are_none(width, number):
+    sliver = shapely.Polygon([(20.4, 54.8), (25.0, 52.4), (25.0, 52.4 - width), (20.4, 54.8 - width)])
+    assert len(shapely.get_parts(flat_parts(sliver))) == number
 
 
 @pytest.mark.parametrize("seed", [54, *range(0, 540, 18)])

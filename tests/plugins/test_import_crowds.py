@@ -93,6 +93,22 @@ def test_a_scenario_of_vadere(tmp_path):
     assert sum("measurementAreas" in one or "absorb nobody" in one for one in left_out) == 2
 
 
+def test_stairs_of_a_scenario_lead_to_stairs(tmp_path):
+    """Two walls across the hall, of whose stairs the one in the file first goes up from where the other ends."""
+
+    def across(x, number):
+        boxes = [
+            {"type": "RECTANGLE", "x": x, "width": 2, "y": y, "height": h} for y, h in ((0.5, 4.5), (5, 1.5), (6.5, 4))
+        ]
+        stair = {"id": number, "shape": boxes[1], "treadCount": 10, "upwardDirection": {"x": 1.0, "y": 0.0}}
+        return stair, [{"shape": boxes[0]}, {"shape": boxes[2]}]
+
+    (second, walls), (first, more) = across(14, 1), across(7, 2)
+    given = scenario(stairs=[second, first], obstacles=walls + more, sources=[])
+    (tmp_path / "a.scenario").write_text(json.dumps(given))
+    assert [*floors(read_building(tmp_path / "a.scenario"))] == [0.0, 1.7, 3.4]
+
+
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
