@@ -35,16 +35,17 @@ def judge(
     building of the case is no plan.
     """
     start, told, building = time.perf_counter(), list[Finding](), None
-    case, options, registry = None, BuildingOptions(), Registry()
+    case, options = None, BuildingOptions()
     try:
         if case_file is not None and content is not None:
             case = case_from(content, case_file)
-            options, registry = case.building, case.registry
+            options = case.building
     except EvacError as error:
         told += findings_of(error, case_file)
     try:
         if table is not None:
             plan = plan_of(table, file, file.parent, "building.plan." if file == case_file else "")
+            registry = Registry() if case is None else case.registry
             building = build_building(read_storeys(plan, registry).surface(), file, options, need_exit=False)
             told += [*building.findings, *check_exits(building)]
         elif case is not None:

@@ -3,6 +3,7 @@
 const PAGE = Array.from(crypto.getRandomValues(new Uint32Array(2)), (word) => word.toString(36)).join("");  // Of several that are open.
 const UNDRAWN = ["select", "measure"];  // Tools that change no building.
 const OF_CASE = ["escalator"];  // Tools that change the case, too.
+const AT_ONCE = 0.15;  // What is judged faster is judged while something is dragged, too [s].
 const KEYS = [
   ["V, R, W, D, E, S, K, U, L, G, A, O, M, P", "tools: select, room, wall, door, exit, stair, escalator, lift, flight, landing, area, obstacle, measure, picture"],
   ["Click, Enter", "with a tool: the next point; at the first one again, the outline ends"],
@@ -42,7 +43,7 @@ async function start() {
   if (opened.begin) return begin();
   const isCase = Boolean(opened.table.case), declared = await ask("forms");
   const store = new Store(opened.table, changed), view = new PlanView(by("view"), store), view3d = new View3D(by("view3d"));
-  let { digest } = opened, onDisk = digest, isAsked = false, isStale = false, isSaving = false, isLost = false;
+  let { digest } = opened, onDisk = digest, isAsked = false, isStale = false, isSaving = false, isLost = false, lasted = 0;
   view.storey = store.now.storeys[0]?.name ?? "";
   document.body.classList.toggle("fixed", !opened.is_drawn);  // A building that is no plan is shown, not drawn.
 
@@ -252,7 +253,7 @@ async function start() {
 
   // Asks for what is to be said of the plan, and again afterwards if it has changed meanwhile.
   async function check() {
-    if (isAsked) { isStale = true; return; }
+    if (isAsked || (tools.drag?.isMoved && lasted > AT_ONCE)) { isStale = true; return; }
     [isAsked, isStale] = [true, false];
     try {
       await ask("check", { page: PAGE, revision: store.revision, table: store.now.content });
@@ -276,7 +277,7 @@ async function start() {
 
   function showJudged({ page, revision, failed, errors, findings, building, difference, seconds }) {
     if (page !== PAGE) return;
-    isAsked = false;
+    [isAsked, lasted] = [false, seconds ?? lasted];
     if (isStale) check();
     if (failed) return warn(failed);
     view.findings = findings;

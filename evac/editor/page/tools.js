@@ -81,8 +81,9 @@ class Tools {
   }
 
   cancel() {
-    if (this.drag?.base) this.store.show(this.drag.base);
+    const base = this.drag?.base;
     Object.assign(this, { points: [], typed: "", drag: null, lines: [], measured: null });
+    if (base) this.store.show(base);
     this.view.draw();
   }
 
