@@ -25,9 +25,12 @@ def execute_edit(arguments: argparse.Namespace) -> int:
     """
     from evac.editor import Server, Session
 
-    session = None if arguments.case is None else Session(arguments.case, arguments.out)
-    with Server(session) as server:
-        show_facts({**({} if session is None else {"plan": session.file}), "address": server.address})
+    def tell(server: Server) -> None:
+        plan = {} if server.session is None else {"plan": server.session.file}
+        show_facts({**plan, "address": server.address})
+
+    with Server(None if arguments.case is None else Session(arguments.case, arguments.out), told=tell) as server:
+        tell(server)
         note("Ctrl-C ends; so does closing the page, after some time")
         with suppress(KeyboardInterrupt):
             server.serve(not arguments.no_browser)

@@ -1,12 +1,18 @@
-"""New cases to edit: an empty storey, the example, or the building of a file."""
+"""New cases to edit: an empty storey, the example, the building of a file, or a copy under another name."""
 
+import shutil
 import tempfile
 import tomllib
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, count
+from os.path import isfile
 from pathlib import Path
+from typing import Any
 
 from evac.base.errors import EvacError, ScenarioError
+from evac.case.trust import is_inside
 from evac.editor.patching import patched
+from evac.folder.files import writing
 from evac.importing import import_building
 from evac.importing.documents import write_example
 from evac.importing.importing import PLAN
@@ -18,6 +24,52 @@ name = "ground"
 z = 0.0
 wall = 0.1
 """
+
+
+def new_folder(name: str) -> Path:
+    """Return a folder in the current one by its name, which may be a path.
+
+    Raises
+    ------
+    ScenarioError
+        The name is no name of a folder, or leads out of the current one.
+    """
+    folder = Path(name)
+    if not folder.parts or ".." in folder.parts or not is_inside(folder, Path()):
+        raise ScenarioError(f"{name}: give the name of a new folder in {Path.cwd()}")
+    return folder
+
+
+def write_copy(folder: Path, home: Path, texts: Mapping[Path, str], others: Iterable[Path]) -> None:
+    """Write files with their new texts, and copies of others, to a new folder, where they are as in `home`.
+
+    Raises
+    ------
+    EvacError
+        The folder exists or cannot be written, or a file is outside of `home`.
+    """
+    files = [*dict.fromkeys([*texts, *others])]
+    if outside := [file for file in files if not is_inside(file, home)]:
+        raise ScenarioError(
+            f"{outside[0]}: is outside of {home}, of which this is a copy; put it there, or copy by hand"
+        )
+    with writing("the copy", folder):
+        folder.mkdir(parents=True)
+        for file in files:
+            copy = folder / file.resolve().relative_to(home.resolve())
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, copy)
+            if file in texts:
+                copy.write_bytes(texts[file].encode())
+
+
+def files_named(value: Any, folder: Path) -> Iterator[Path]:
+    """Yield the files that a case or a plan in a folder names by paths relative to it."""
+    if isinstance(value, Mapping | list):
+        for part in value.values() if isinstance(value, Mapping) else value:
+            yield from files_named(part, folder)
+    elif isinstance(value, str) and not Path(value).is_absolute() and isfile(folder / value):
+        yield folder / value
 
 
 def begin(folder: Path, what: str, name: str = "", content: bytes = b"") -> tuple[Path, list[str]]:

@@ -14,20 +14,22 @@ from evac.editor.session import Session
 
 
 class Page:
-    """A served page; notebooks show it in a frame where the browser runs on this machine. A context that ends it.
-
-    Attributes
-    ----------
-    address : str
-        Address of the page, for a browser on this machine.
-    file : Path
-        The plan file, or the case that holds the plan.
-    """
+    """A served page; notebooks show it in a frame where the browser runs on this machine. A context that ends it."""
 
     def __init__(self, session: Session) -> None:
         self._server = Server(session, is_framed=True)
-        self.address, self.file = self._server.address, session.file
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
+
+    @property
+    def address(self) -> str:
+        """Address of the page, for a browser on this machine; another one after "Save as"."""
+        return self._server.address
+
+    @property
+    def file(self) -> Path:
+        """The plan file, or the case that holds the plan."""
+        assert self._server.session is not None
+        return self._server.session.file
 
     @property
     def plan(self) -> Plan:

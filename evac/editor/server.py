@@ -15,8 +15,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from evac.base.errors import EvacError, ScenarioError
-from evac.editor.beginning import begin
+from evac.base.errors import EvacError
+from evac.editor.beginning import begin, new_folder
 from evac.editor.session import ChangedOnDiskError, Session
 from evac.replay.writer import PAGE as REPLAY
 
@@ -51,18 +51,34 @@ class Server(ThreadingHTTPServer):
     """The page of a session at a random port, with a token in its address; a context that ends it.
 
     Without a session, the page asks for a case to begin with, which is made in the current folder. If `is_framed`,
-    pages of this machine, such as notebooks, may show it in a frame.
+    pages of this machine, such as notebooks, may show it in a frame. `told` is called when the page goes on with a copy
+    at another address.
     """
 
     daemon_threads = True
 
-    def __init__(self, session: Session | None, idle: float = IDLE, is_framed: bool = False) -> None:
+    def __init__(
+        self,
+        session: Session | None,
+        idle: float = IDLE,
+        is_framed: bool = False,
+        told: Callable[["Server"], None] = lambda server: None,
+    ) -> None:
         super().__init__(("127.0.0.1", 0), _Handler)
-        self.session, self.idle = session, idle
+        self.session, self.idle, self.told = session, idle, told
         self.frames = "http://127.0.0.1:* http://localhost:*" if is_framed else "'none'"
         self.host = f"127.0.0.1:{self.server_port}"
         self.token = secrets.token_urlsafe(24)
-        self.address = f"http://{self.host}/{self.token}/"
+
+    @property
+    def address(self) -> str:
+        """The address of the page."""
+        return f"http://{self.host}/{self.token}/"
+
+    def go_on_with(self, session: Session) -> None:
+        """Serve another session, at another address."""
+        self.session, self.token = session, secrets.token_urlsafe(24)
+        self.told(self)
 
     @cached_property
     def files(self) -> dict[str, bytes]:
@@ -157,17 +173,24 @@ class _Handler(BaseHTTPRequestHandler):
         session = self.server.session
         try:
             given = json.loads(content)
-            orders = {"begin": lambda: self._begun(**given)} if session is None else session.orders(given)
+            orders: dict[str, Callable[[], Any]] = {"begin": lambda: self._begun(**given)}
+            if session is not None:
+                orders = {"copy": lambda: self._copied(session, **given)} | session.orders(given)
             self._answer(orders.get(name, lambda: None))
         except (ValueError, KeyError, TypeError, RecursionError):
             self._refuse(400, "this is not what the page sends")
 
     def _begun(self, folder: str, what: str, name: str = "", content: str = "") -> dict[str, Any]:
-        if Path(folder).parts != (folder,) or folder == "..":
-            raise ScenarioError(f"{folder}: give the name of a new folder in {Path.cwd()}")
-        made, told = begin(Path(folder), what, name, base64.b64decode(content))
+        made, told = begin(new_folder(folder), what, name, base64.b64decode(content))
         self.server.session = Session(made)
         return {"told": told}
+
+    def _copied(self, session: Session, folder: str, table: dict[str, Any]) -> dict[str, Any]:
+        """Go on with a copy at another address, so that no other page takes it for what it was."""
+        self.server.go_on_with(Session(session.copied(table, new_folder(folder))))
+        session.close()
+        session.journal.unlink(missing_ok=True)
+        return {"address": self.server.address}
 
     def _allowed_name(self) -> str | None:
         """Return the name of what is asked for, if this is asked by the page; else refuse."""

@@ -25,6 +25,7 @@ from evac.case.jsonschema import case_schema
 from evac.case.loading import load_case
 from evac.case.schema import shipped_presets
 from evac.contract.registry import Registry
+from evac.editor.beginning import files_named, write_copy
 from evac.editor.designs import Designs
 from evac.editor.judging import floors_of, judge
 from evac.editor.patching import patched
@@ -102,7 +103,12 @@ class Session:
         """Return what is edited as the page gets it, the digest of the files, and what the journal has."""
         texts, table = self._read()
         found = {"title": self.title, "file": self.file.name, "digest": _digest(texts), "table": plain(table)}
-        found |= {"is_drawn": self._floors is None, "loads": load_table(), "folder": str(self.file.parent)}
+        found |= {
+            "is_drawn": self._floors is None,
+            "loads": load_table(),
+            "folder": str(self.file.parent),
+            "working": str(Path.cwd()),
+        }
         with suppress(OSError, ValueError, KeyError):
             journal = json.loads(content_of(self.journal))
             found["unsaved"] = {"table": journal["table"], "of_this_file": journal["digest"] == found["digest"]}
@@ -162,6 +168,24 @@ class Session:
             self._seen = _digest(new)
             self.tell("changed", {"digest": self._seen})
         return {"difference": _difference(texts, new), "digest": _digest(new)}
+
+    def copied(self, table: Mapping[str, Any], folder: Path) -> Path:
+        """Write what was edited, with all files that it names, to a new folder; return the case or the plan there.
+
+        Raises
+        ------
+        EvacError
+            The folder exists or cannot be written, or a file is outside of that of the case.
+        """
+        with self._lock:
+            texts, _ = self._read()
+            main = self.case_file or self.file
+            others = {
+                one for file, content in self._contents(table).items() for one in files_named(content, file.parent)
+            }
+            others |= {self.pictures.file} if self.pictures.file.exists() else set()
+            write_copy(folder, main.parent, self._patched(texts, table), others)
+        return folder / main.name
 
     def orders(self, given: Mapping[str, Any]) -> dict[str, Callable[[], Any]]:
         """Return by name what a page can have done with what it has given; each raises an EvacError if it cannot be.

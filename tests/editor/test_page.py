@@ -682,6 +682,36 @@ def test_what_another_page_saves_is_told_and_kept(page):
     page.browser.errors = [one for one in page.browser.errors if "409" not in one]
 
 
+def test_what_is_drawn_is_saved_as_another_case(browser, serve, house, eventually, monkeypatch):
+    monkeypatch.chdir(house.parent)
+    before = {file.name: file.read_bytes() for file in house.iterdir()}
+    page = Page(browser, serve(house))
+    first = page.server.session
+    page.click((6.0, 4.0))
+    page.type("Name", "big hall")
+    page.browser.press("s", modifiers=CONTROL | SHIFT)
+    folder = page.run("document.activeElement.id")
+    assert folder == "copy-folder"
+    page.run(
+        f"document.getElementById('{folder}').value = 'house'; document.getElementById('copy-form').requestSubmit()"
+    )
+    page.browser.wait("document.getElementById('copy-told').textContent.includes('exist')")
+    page.run(f"document.getElementById('{folder}').value = 'others/wide'")
+    page.run("document.getElementById('copy-form').requestSubmit()")
+    eventually(lambda: page.server.session is not first and page.server.session.listeners)
+    page.judged()
+    assert "big hall" in [row["name"] for row in page.plan["rooms"]]
+    page.run("editor.store.commit(editor.store.now.put({ section: 'rooms', index: 1 }, 'people', 3))")
+    page.saved()
+    copy = house.parent / "others/wide"
+    old, new = ({*(place / "house.plan.toml").read_text().splitlines()} for place in (house, copy))
+    tie = 'segment = { rooms = ["big hall", "shop"], at = 2.5, width = 1.0 }'
+    assert new - old == {'name = "big hall"', "people = 3", tie}
+    assert {file.name: file.read_bytes() for file in house.iterdir()} == before
+    assert (copy / "case.toml").read_bytes() == before["case.toml"]
+    page.close()
+
+
 def test_names_are_text_wherever_they_are_shown(page):
     markup = "<img src=x onerror=alert(1)>"
     for section in ("storeys", "rooms", "doors", "exits", "areas", "shafts", "people"):

@@ -6,6 +6,7 @@ import math
 import subprocess
 import sys
 from base64 import b64encode
+from pathlib import Path
 from types import SimpleNamespace
 from urllib.parse import urlsplit
 
@@ -154,13 +155,41 @@ def test_nothing_is_edited_before_it_was_chosen(serve, tmp_path, monkeypatch):
     for name in ("forms", "events", "result/replay.html"):
         assert ask(server, name)[0] == 404
     assert ask(server, "save", "POST", {"table": {}, "digest": ""})[0] == 404
-    for folder in ("..", "", "a/b", str(tmp_path / "c")):
+    for folder in ("..", "", "a/../b", str(tmp_path.parent / "c")):
         assert ask(server, "begin", "POST", {"folder": folder, "what": "empty"})[0] == 422
     assert ask(server, "begin", "POST", {"folder": "d", "what": "empty"}, Origin=None)[0] == 403
     assert [*tmp_path.iterdir()] == []
     assert ask(server, "begin", "POST", {"folder": "d", "what": "empty"})[0] == 200
     assert document(server)["file"] == "building.plan.toml"
     assert ask(server, "begin", "POST", {"folder": "e", "what": "empty"})[0] == 404
+
+
+def test_a_copy_stays_in_the_current_folder_and_has_the_files_of_the_case(house, serve, tmp_path, monkeypatch):
+    (house / "more").mkdir()
+    (house / "more/ways.py").write_text("")
+    (house / "private.txt").write_text("not named in the case")
+    with (house / "case.toml").open("a") as file:
+        file.write('[plugins]\nfiles = ["more/ways.py"]\n')
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here/out").symlink_to(tmp_path)
+    monkeypatch.chdir(tmp_path / "here")
+    server = serve(house)
+    table, first = document(server)["table"], server.token
+    for folder in ("..", "../copy", "out/copy", str(tmp_path / "copy"), ""):
+        assert ask(server, "copy", "POST", {"folder": folder, "table": table})[0] == 422
+    assert ask(server, "copy", "POST", {"folder": "a", "table": table}, Origin=None)[0] == 403
+    assert [path.name for path in (tmp_path / "here").iterdir()] == ["out"]
+    status, _, content = ask(server, "copy", "POST", {"folder": "a", "table": table})
+    assert (status, json.loads(content)["address"]) == (200, server.address)
+    assert ask(server, f"/{first}/document")[0] == 404  # of a page that shows the first case
+    copies = {path.relative_to("a").as_posix(): path.read_bytes() for path in Path("a").rglob("*") if path.is_file()}
+    assert copies == {name: (house / name).read_bytes() for name in ("case.toml", "house.plan.toml", "more/ways.py")}
+    text = (house / "case.toml").read_text().replace("more/ways.py", "../ways.py")
+    (house.parent / "ways.py").write_text("")
+    (house / "case.toml").write_text(text)
+    server = serve(house)
+    assert ask(server, "copy", "POST", {"folder": "b", "table": document(server)["table"]})[0] == 422
+    assert not Path("b").exists()
 
 
 def test_it_ends_when_no_page_is_open(house):

@@ -19,7 +19,7 @@ const KEYS = [
   ["Page up, Page down", "next storey up, down"],
   ["Arrows on the timeline", "move an event or a phase by 1 s, with Shift by 10 s"],
   ["3, F, + −", "plan or 3D, show all, zoom"],
-  ["Ctrl+S", "save"],
+  ["Ctrl+S, Ctrl+Shift+S", "save, save as"],
   ["Ctrl+Enter", "save and run, or stop the run"],
   ["T, ?", "light or dark, these keys"],
   ["Escape", "stop drawing, deselect"],
@@ -186,6 +186,23 @@ async function start() {
       }
     },
 
+    saveAs() {
+      by("copy-in").textContent = opened.working;
+      by("copy-told").textContent = "";
+      by("copy-to").showModal();
+    },
+
+    // Goes on with what is drawn in a new folder, at another address.
+    async copyTo(folder) {
+      try {
+        const { address } = await ask("copy", { table: store.now.content, folder });
+        store.saved = store.now.content;  // Else the browser asks.
+        location.replace(address);
+      } catch (error) {
+        by("copy-told").textContent = error.message;
+      }
+    },
+
     warn: (text) => warn(text),
 
     // What is in the file, as one more step that can be undone.
@@ -320,10 +337,11 @@ async function start() {
 
   const isUsable = (name) => (opened.is_drawn || UNDRAWN.includes(name)) && (isCase || !OF_CASE.includes(name));
   const fit = () => { if (by("view").hidden) view3d.fit(); else view.fit(); };
-  const actions = { undo: () => store.undo(), redo: () => store.redo(), save: act.save, "view-plan": () => showView(false), "view-3d": () => showView(true), fit, theme: act.theme, "show-help": () => by("help").showModal(), "take-file": act.takeFile, "keep-mine": act.keepMine,
+  const actions = { undo: () => store.undo(), redo: () => store.redo(), save: act.save, "save-as": act.saveAs, "view-plan": () => showView(false), "view-3d": () => showView(true), fit, theme: act.theme, "show-help": () => by("help").showModal(), "take-file": act.takeFile, "keep-mine": act.keepMine,
     "add-storey": () => { const name = store.now.unique("storeys", `storey ${store.now.storeys.length}`), top = store.now.storeys.at(-1), z = top ? mm((top.z ?? 0) + store.now.heightOf(top.name)) : 0; view.storey = name; store.commit(store.now.addStorey({ name, z, ...(top?.wall === undefined ? {} : { wall: top.wall }) })); act.say("Draw its rooms"); } };
   for (const [name, action] of Object.entries(actions)) by(name).addEventListener("click", action);
   by("copy").addEventListener("submit", (event) => { event.preventDefault(); act.copyUp(by("copies").valueAsNumber); });
+  by("copy-form").addEventListener("submit", (event) => { event.preventDefault(); act.copyTo(by("copy-folder").value.trim()); });
   for (const [name, { key }] of Object.entries(TOOLS).filter(([name]) => isUsable(name))) {
     const button = node("button", capital(name), { type: "button", value: name });
     button.append(node("kbd", key.toUpperCase()));
@@ -335,7 +353,7 @@ async function start() {
   addEventListener("keydown", (event) => {
     const key = event.key.toLowerCase(), isTyped = event.target.matches?.("input, select, textarea"), isControl = event.ctrlKey || event.metaKey;
     if (document.querySelector("dialog[open]")) return;
-    const control = isControl && { z: event.shiftKey ? actions.redo : actions.undo, y: actions.redo, s: act.save, d: act.duplicate, a: act.selectAlike, enter: () => running.toggle() }[key];
+    const control = isControl && { z: event.shiftKey ? actions.redo : actions.undo, y: actions.redo, s: event.shiftKey ? act.saveAs : act.save, d: act.duplicate, a: act.selectAlike, enter: () => running.toggle() }[key];
     if (control && (!isTyped || key === "s" || key === "enter")) { event.preventDefault(); control(); return; }
     if (isTyped || isControl || event.altKey) return;
     if (event.target === view.canvas && tools.key(event)) return event.preventDefault();
