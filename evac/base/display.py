@@ -106,7 +106,7 @@ class Display:
             self._first, self._start, self._shown = state, now, now
             self.phase("running")
             return
-        if now - self._shown < (BAR_EVERY if self._is_bar else LINE_EVERY):
+        if now - self._shown < (BAR_EVERY if self._is_bar else LINE_EVERY) and not (self._is_bar and state.is_over):
             return
         self._shown = now
         numbers = numbers_of(self._first, state, now - self._start)
@@ -145,13 +145,15 @@ def numbers_of(first: "Progress", state: "Progress", wall: float) -> str:
 
     Speed and time left follow from the progress since `first`, in `wall` [s]; the run may end before its duration.
     """
+    counts = f"{state.out}/{state.people} out, t = {state.time:.1f} s"
+    if state.is_over:
+        return f"{counts}, writing the results"
     speed = (state.time - first.time) / wall if wall > 0 else 0.0
     left = (state.duration - state.time) / speed if speed > 0 else 0.0
     gone = state.out - first.out
     bound = "" if gone else "< "
     if gone:
         left = min(left, (state.people - state.out) * wall / gone)
-    counts = f"{state.out}/{state.people} out, t = {state.time:.1f} s"
     return f"{counts}, {speed:.3g} x real time, ETA {bound}{_clock(left)}"
 
 

@@ -25,6 +25,11 @@ class Progress:
     people: int
     out: int
 
+    @property
+    def is_over(self) -> bool:
+        """Whether everybody is out or the duration is over, so that the results are being written."""
+        return self.out == self.people or self.time >= self.duration
+
 
 def told(what: str, items: Iterable[T], count: int) -> Iterator[T]:
     """Yield `count` items, and have it shown, if a command does so, how many of them are done."""

@@ -20,7 +20,8 @@ from evac.simulation.simulation import Progress
         (Progress(10.0, 1000.0, 50, 25), 2.0, "25/50 out, t = 10.0 s, 5 x real time, ETA 0:02"),
         # 1 of 50 out in 2 s would be 98 s more, but the duration ends after 18 s
         (Progress(10.0, 100.0, 50, 1), 2.0, "1/50 out, t = 10.0 s, 5 x real time, ETA 0:18"),
-        (Progress(10.0, 10.0, 50, 50), 100.0, "50/50 out, t = 10.0 s, 0.1 x real time, ETA 0:00"),
+        (Progress(10.0, 100.0, 50, 50), 100.0, "50/50 out, t = 10.0 s, writing the results"),
+        (Progress(100.0, 100.0, 50, 3), 100.0, "3/50 out, t = 100.0 s, writing the results"),
     ],
 )
 def test_numbers(state, wall, words):
