@@ -118,6 +118,7 @@ def _name_parts(axes: Axes, building: Building, levels: Sequence[Level]) -> None
         if door.level in rows:
             _line(axes, door.segment, palette.PORTAL, 0.8)
             beside(axes, door.segment[None], f"{door.name} {door.width:.2f} m", palette.EDGE)
+            axes.texts[-1].set_bbox(PAPER)  # it lies over walls of small rooms
     for level in levels:
         if level.kind == "flight":
             _arrow(axes, level)

@@ -321,6 +321,7 @@ SPOILED = [
     ("exits", {"segment": {"rooms": ["hall"], "side": 9}}, "exits.out", "side = 0, width = 0.9"),
     ("lifts", {"storeys": ["low", "hgh"]}, "lifts.lift", 'storeys = ["low", "high"]'),
     ("lifts", {"door": [[4, 12.5], [5, 12.5]]}, "lifts.lift", "door = [[4.0, 10.2], [5.0, 10.2]]"),
+    ("lifts", {"door": None}, "lifts.lift", "door = [[3.5, 10.2], [5.5, 10.2]]"),
     ("lifts", {"operation": {"sped": 2.0}}, "lifts.lift", "operation = { speed = 2.0 }"),
     ("storeys", {"name": None}, "storeys.0", 'name = "low"'),
     ("storeys", {"height": 0.5}, "storeys.low", "z = 0.5"),

@@ -5,7 +5,7 @@ import inspect
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -143,6 +143,9 @@ def _completed(plan: Plan, section: str, row: Row, unknown: list[str]) -> Iterat
     names = [*plan.storeys]
     if section == "lifts" and len(names) > 1:
         yield [{**row, "storeys": names}]
+        corners = row.get("polygon") if "door" not in row else None
+        if isinstance(corners, list) and all(map(is_point, corners)):
+            yield [{**row, "door": [*ends]} for ends in pairwise([*corners, *corners[:1]])]
     if "stair" in keys_of(section) and "stair" not in row:
         yield [{**row, "stair": name} for name in unknown]
     if section == "shafts" and "foot" in row:
