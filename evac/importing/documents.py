@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import ScenarioError
 from evac.base.toml import toml_lines, toml_value
-from evac.building.model.findings import KINDS, account, grouped, repaired
+from evac.building.model.findings import KINDS, account, listed, repaired
 from evac.contract.hooks import BASES, DEFAULT_MOVEMENT
 from evac.importing.rooms import groups_of
 
@@ -161,8 +161,7 @@ def report_text(made: "Imported", digests: Mapping[str, str]) -> str:
 def _listed(made: "Imported", kinds: Sequence[str]) -> list[str]:
     """Return the sections of some kinds of findings."""
     text = []
-    groups = grouped(finding for finding in made.findings if finding.kind != "found")
-    number = {id(one): k for k, group in enumerate(groups, start=1) for one in group}
+    number = {id(one): k for k, group in listed(made.findings) for one in group}
     for kind in kinds:
         own = [finding for finding in made.findings if finding.kind == kind]
         rows = [(number.get(id(one), ""), one.text, one.where) for one in own]

@@ -62,9 +62,9 @@ def test_levels_reach_exits_through_open_portals(building):
     assert levels_reaching(lower, lower.exits[1:]) == {1, 2}
 
 
-def test_unknown_names_are_refused(building):
+def test_unknown_names_are_refused(stair_mesh, read):
     with pytest.raises(BuildingError, match=r"'stair 2'.*'stair 1'.*building.closed"):
-        close_links(building, ["stair 2"])
+        read(stair_mesh, exits=EXITS, closed=["stair 2"])
 
 
 CASE = """

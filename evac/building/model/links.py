@@ -277,14 +277,9 @@ def states_of(building: Building, changes: Iterable[Change]) -> list[list[tuple[
 
 def close_links(building: Building, names: Sequence[str]) -> Building:
     """Return the building with exits, portals and stairs closed for the whole run; closed links are walls."""
-    closed, stairs = set(building.closed), set[int]()
-    for name in names:
-        try:
-            closed |= links_named(building, name)
-        except BuildingError as error:
-            raise BuildingError(f"{error} (given as building.closed)") from None
-        stairs |= set(building.pieces_of(name))
-    result = replace(building, closed=frozenset(closed))
+    closed = building.closed.union(*(links_named(building, name) for name in names))
+    stairs = set[int]().union(*map(building.pieces_of, names))
+    result = replace(building, closed=closed)
     cut_off = [note for note in isolated_parts(result, stairs) if note not in building.findings]
     return replace(result, findings=(*building.findings, *cut_off))
 

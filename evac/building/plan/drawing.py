@@ -37,7 +37,6 @@ from evac.building.plan.outlines import (
     covered,
     distinct,
     doorway,
-    nearest,
     normal,
     strips,
     with_walls,
@@ -218,19 +217,17 @@ class Drawing:
             # If rooms are on both its sides, only what is between it and them matters.
             within = [one.polygon for one in beside if one is not None] if beside else [around]
             ground = [part for other in earlier for part in opened[other] if any(map(part.intersects, within))]
-            known, opened[row] = len(self.findings), []
+            opened[row] = []
             with self._noting("doors", door):
                 try:
                     if ground:
                         made, is_inner = self._open_door(door, united([rooms, *ground]))
                     else:
                         made, is_inner = self._open_door(door, rooms, beside)
-                except ValueError:  # its message also says what is farther away
+                except ValueError:
                     if self._lacks_wall(door):
                         continue
-                    del self.findings[known:]
-                    ground = [part for other in by_storey[door.storey] for part in opened.get(other, ())]
-                    made, is_inner = self._open_door(door, united([self.floors[door.storey], *ground]))
+                    raise
                 opened[row] = made if is_inner else []
                 outer.setdefault(door.storey, []).extend([] if is_inner else made)
         for name, rows in by_storey.items():
@@ -301,7 +298,7 @@ class Drawing:
         if not any(found):
             raise ValueError(
                 f"at least a part of {written(segment)} has no room within {door.reach:g} m on storey {door.storey!r}; "
-                f"{nearest(floor, segment, reach=door.reach, between=True)}: move the door there, or increase reach"
+                "move the door to a wall between two rooms, or increase reach"
             )
         if door.outside == "refuse":
             raise ValueError(
@@ -483,8 +480,8 @@ class Drawing:
                 beside = length
         if beside < LEAST_LENGTH:
             raise ValueError(
-                f"its {end} edge {written(edge)} does not lie on the outline of storey {storey!r}; "
-                f"{nearest(self.floors[storey], edge)}; move the edge there, or extend the floor"
+                f"its {end} edge {written(edge)} does not lie on the outline of storey {storey!r}; move the edge "
+                "there, or extend the floor"
             )
         if beside < length - UNCOVERED:
             text = f"only {beside:.2f} of {length:.2f} m of the {end} edge of {what} adjoin the floor"
@@ -562,7 +559,7 @@ class Drawing:
     def _recess(self, item: Item, segment: FloatArray, beside: float) -> FloatArray:
         """Extend the floor to an exit on the outer face of a wall; `beside` of its length [m] is on the outline."""
         floor, middle, left = self.floors[item.storey], segment.mean(axis=0), normal(segment)
-        edge = f"{nearest(self.rooms[item.storey], segment, reach=DOOR_REACH)}: put both ends of the exit on it"
+        edge = "put both ends of the exit on its outer outline"
         if shapely.intersects_xy(floor, middle + BESIDE * np.stack([left, -left])).all():
             raise ValueError(f"{written(segment)} runs through the floor of storey {item.storey!r}; {edge}")
         beside_it = strips(floor, segment, np.outer([1.0, -1.0], left), DOOR_REACH)

@@ -28,14 +28,9 @@ MENDED = ("rooms", "stairs", "shafts", "doors", "exits", "openings", "areas", "o
 NEARBY = 10.0
 
 
-def draw(plan: Plan) -> SurfaceMesh:
-    """Return the tagged surface of a plan; see `evac.building.plan.plan.Plan.surface`."""
-    return _Drawn(plan, plan.source, SurfaceOptions()).mesh
-
-
 def build(plan: Plan, source: Path, options: BuildingOptions, *, need_exit: bool = True) -> Building:
     """Return the building of a plan; see `evac.building.plan.plan.Plan.building`. `source`: its name in messages."""
-    drawn = _Drawn(plan, source, options)
+    drawn = DrawnPlan(plan, source, options)
     building, errors = _built(drawn.drawing.plan, drawn.mesh, source, options, need_exit=need_exit)
     if building is None:
         wrong, rest = {error.item for error in errors}, copy.copy(plan)
@@ -46,7 +41,7 @@ def build(plan: Plan, source: Path, options: BuildingOptions, *, need_exit: bool
     return building
 
 
-class _Drawn:
+class DrawnPlan:
     """A plan that has been drawn without errors; else all are raised with the building of what is right in it."""
 
     def __init__(self, plan: Plan, source: Path, options: SurfaceOptions) -> None:

@@ -19,7 +19,6 @@ from evac.building.geometry import (
     ALONG,
     GRID,
     LEAST_AREA,
-    between_floors,
     flat_parts,
     gaps_along,
     pieces_along,
@@ -29,7 +28,7 @@ from evac.building.geometry import (
     segment_lengths,
     sides,
 )
-from evac.building.model.findings import Finding, away
+from evac.building.model.findings import Finding
 
 #: Largest distance of an exit or a stair end from the outline of its floor [m].
 SNAP = 0.15
@@ -268,29 +267,6 @@ def normal(ends: FloatArray) -> FloatArray:
     return np.stack([-along_it[..., 1], along_it[..., 0]], axis=-1)
 
 
-def nearest(polygon: BaseGeometry, ends: FloatArray, *, reach: float = 0.0, between: bool = False) -> str:
-    """Describe, for a message, the edge of an outline nearest to a segment, and its distance.
-
-    If `reach` is greater than 0, only edges with floor beyond a wall of this thickness are considered (`between`), or
-    only the others, provided that there is one.
-    """
-    own = sides(polygon)
-    if reach > 0.0 and len(own):
-        is_wanted = between_floors(polygon, own, reach) == between
-        own = own[is_wanted] if is_wanted.any() else own
-    if not len(own):
-        return "obstacles, stairs and exits cover its whole floor"
-    line = shapely.LineString(ends)
-    middle = shapely.points(ends.mean(axis=0))
-    lines = shapely.linestrings(own.reshape(-1, 2, 2))
-    row = np.lexsort((shapely.distance(lines, middle), shapely.distance(lines, line)))[0]
-    x1, y1, x2, y2 = own[row]
-    return (
-        f"the nearest edge of its outline is ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}), "
-        f"{away(shapely.distance(lines[row], line))}"
-    )
-
-
 def between_rooms(ends: FloatArray, storey: str) -> str:
     """Describe, for a message, an exit with floor on both its sides."""
     return (
@@ -357,7 +333,7 @@ def placed(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatAr
     parts = shapely.get_parts(shapely.difference(shapely.linestrings(ends), floor))
     parts = parts[shapely.length(parts) > LEAST_LENGTH]
     if not len(parts):
-        return _on_floor(floor, ends, reach)
+        return _on_floor(floor, ends)
     length = float(np.hypot(*(ends[1] - ends[0])))
     longest = parts[np.argmax(shapely.length(parts))]
     at = shapely.get_coordinates(longest).mean(axis=0)
@@ -382,7 +358,7 @@ def placed(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatAr
     return segment, f"turned by {angle:.0f} degrees to run along its wall, where it is {width:.2f} m wide"
 
 
-def _on_floor(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatArray, str]:
+def _on_floor(floor: BaseGeometry, ends: FloatArray) -> tuple[FloatArray, str]:
     """Move a segment on the floor to the wall beside it; keep one that ends at walls on both sides."""
     length = float(np.hypot(*(ends[1] - ends[0])))
     pieces = along(floor, ends, SNAP)
@@ -396,8 +372,8 @@ def _on_floor(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[Floa
     if (shapely.distance(shapely.points(ends), shapely.boundary(floor)) <= SNAP).all():
         return ends, ""
     raise ValueError(
-        f"{written(ends)} lies inside a room; {nearest(floor, ends, reach=reach, between=True)}: move the door there "
-        "(rooms that touch have a wall between them only if their storey has wall > 0)"
+        f"{written(ends)} lies inside a room; move the door to a wall (rooms that touch have a wall between them only "
+        "if their storey has wall > 0)"
     )
 
 

@@ -663,9 +663,10 @@ class Plan:
         BuildingError
             Items do not fit together; names them and the place.
         """
-        from evac.building.plan.faults import draw
+        from evac.building.options import SurfaceOptions
+        from evac.building.plan.faults import DrawnPlan
 
-        return draw(self)
+        return DrawnPlan(self, self.source, SurfaceOptions()).mesh
 
     def check(self) -> tuple[Finding, ...]:
         """Return all findings about the plan: its errors, and what `Building.findings` has of what is right in it.

@@ -215,6 +215,10 @@ def changes_of_drawn(plan: Plan, drawing: Drawing, section: str, row: Row, text:
             yield {"polygon": _moved(np.array(polygon), drawing.rooms[row["storey"]])}
     elif section in ("stairs", "shafts"):
         yield from _other_ways([*plan.storeys], row)
+        for key, storey in (("lower_edge", row["lower"]), ("upper_edge", row["upper"])):
+            if np.shape(row.get(key, 0)) == (2, 2) and storey in drawing.rooms:
+                walls = sides(drawing.rooms[storey])
+                yield from ({key: ends} for ends in _along_walls(walls, np.array(row[key]), MOST_WALLS))
     elif section == "lifts":
         outline = np.array(polygon) if isinstance(polygon, list) else np.empty((0, 2))
         if np.shape(row["door"]) == (2, 2) and len(outline):

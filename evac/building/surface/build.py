@@ -121,7 +121,8 @@ def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_
     for name, moving in options.moving.items():
         with _named(f"building.moving.{name}"):
             building = set_moving(building, name, moving)
-    return close_links(building, options.closed) if options.closed else building
+    with _named("building.closed"):
+        return close_links(building, options.closed) if options.closed else building
 
 
 @contextmanager

@@ -155,14 +155,12 @@ def _polygon(item: Outline) -> BaseGeometry:
 
 def _check_open(building: Building, level: Level, polygon: BaseGeometry) -> None:
     """Refuse an obstacle that covers part of a portal or an exit."""
-    ways = [("portal", portal.name, portal.segments) for portal in building.portals_of(level.index)]
-    ways += [("exit", way.name, way.segments) for way in building.exits_of(level.index)]
-    for kind, name, segments in ways:
-        covered = shapely.multilinestrings(segments.reshape(-1, 2, 2)).intersection(polygon)
+    for way in building.links_of(level.index):
+        covered = shapely.multilinestrings(way.segments.reshape(-1, 2, 2)).intersection(polygon)
         if covered.length > LEAST_LENGTH:
             x, y = covered.centroid.coords[0]
             raise ValueError(
-                f"it covers {covered.length:.2f} m of the {kind} {name!r} at ({x:z.2f}, {y:z.2f}) on level "
+                f"it covers {covered.length:.2f} m of the {way.kind} {way.name!r} at ({x:z.2f}, {y:z.2f}) on level "
                 f"{level.title!r}; move it off"
             )
 
