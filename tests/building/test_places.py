@@ -37,8 +37,8 @@ def test_an_exit_at_a_wall_between_two_rooms_is_refused(mesh, read, x):
 @pytest.mark.parametrize(
     ("segment", "words"),
     [
-        (([3, 1], [3, 2]), "of level 'floor z=0.00', 1.00 m away"),
-        (([6.06, 1], [6.06, 2]), "of level 'floor z=0.00', 0.06 m away"),
+        (([3, 1], [3, 2]), "(6.00, 0.00), 1.00 m away"),
+        (([6.06, 1], [6.06, 2]), "(6.00, 4.00), 0.06 m away"),
         (([6, 3], [6, 5]), "1.00 m of it"),
     ],
 )

@@ -213,9 +213,10 @@ def item_of(level: "Level") -> str:
     return f"stairs.{level.stair}" if level.stair is not None else f"storeys.{PART.sub('', level.name)}"
 
 
-def away(distance: float) -> str:
-    """Describe, for a message, how far away something is [m]."""
-    return "which it only touches" if f"{distance:.2f}" == "0.00" else f"{distance:.2f} m away"
+def written(ends: "FloatArray") -> str:
+    """Describe a segment for a message."""
+    (x1, y1), (x2, y2) = ends
+    return f"({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f})"
 
 
 def with_repaired_names(source: Path, tags: Mapping[str, Value], notes: list[Finding]) -> dict[str, Value]:

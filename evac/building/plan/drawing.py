@@ -27,7 +27,7 @@ from evac.building.geometry import (
     sides,
     united,
 )
-from evac.building.model.findings import Finding, noting
+from evac.building.model.findings import Finding, noting, written
 from evac.building.plan import stairs
 from evac.building.plan.outlines import (
     SNAP,
@@ -40,7 +40,6 @@ from evac.building.plan.outlines import (
     normal,
     strips,
     with_walls,
-    written,
 )
 from evac.building.plan.plan import Item, LiftItem, Stair
 from evac.building.plan.rooms import check_storey, expanded, key_of, originals, with_known_storeys
@@ -132,7 +131,8 @@ class Drawing:
             controls = {one.name: one.control for one in (*plan.doors, *plan.exits) if one.control is not None}
             drawn = {tag for (tag, *_), *_ in cars}
             whole = [one for one in plan.lifts if drawn.issuperset(map(one.tag_at, one.storeys))]
-            lifts = [(one.name, sorted(one.storeys, key=self._height), one.operation) for one in whole]
+            heights = {name: storey.z for name, storey in plan.storeys.items()}
+            lifts = [(one.name, sorted(one.storeys, key=heights.__getitem__), one.operation) for one in whole]
             return replace(mesh, north=plan.north, controls=controls, lifts=lifts)
         except ValueError as error:
             self.errors.append(Finding("error", str(error)))
@@ -321,9 +321,6 @@ class Drawing:
         if parts:
             self.floors[storey] = united([self.floors[storey], *parts])
 
-    def _height(self, storey: str) -> float:
-        return self.plan.storeys[storey].z
-
     def _place_lift(self, lift: LiftItem) -> list[Drawn]:
         """Part the car of a lift from the floors of its storeys by walls, open its doors, and return its rooms."""
         rooms: list[Drawn] = []
@@ -346,7 +343,7 @@ class Drawing:
                         "the floor, or leave the storey out"
                     )
                 self._add(name, [sill for sill in sills if sill is not None])
-                rooms.append(((lift.tag_at(name),), lift.polygon, self._height(name)))
+                rooms.append(((lift.tag_at(name),), lift.polygon, self.plan.storeys[name].z))
         return rooms
 
     def _sill(self, lift: LiftItem, storey: str, door: FloatArray) -> Strip | None:
@@ -361,14 +358,8 @@ class Drawing:
         outline = united(item.polygons)
         inside = common(floor, outline)
         if inside.is_empty:
-            self._find(
-                "left out",
-                f"obstacle {item.name!r} is not on the floor",
-                item.storey,
-                outline,
-                key_of("obstacles", item),
-                "remove it",
-            )
+            text = f"obstacle {item.name!r} is not on the floor"
+            self._find("left out", text, item.storey, outline, key_of("obstacles", item), "remove it")
             return None
         self.floors[item.storey] = cut(floor, outline)
         return (f"obstacle:{item.name}",), inside, storey.z

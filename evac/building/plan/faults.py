@@ -79,18 +79,14 @@ class DrawnPlan:
             if one.kind not in ("error", "warning") or (same in known and not one.remedy):
                 mended.append(replace(one, remedy=one.remedy or known.get(same, "")))
                 continue
-            found = self._mended(one, doors)
+            section, _, name = (one.item or "").partition(".")
+            given = [item for item in getattr(self.plan, section) if item.name == name] if section in MENDED else []
+            found = [one]
+            if given and not one.remedy:  # not of a stair of flights and landings
+                found = self._chain(one, section, _row(section, given), doors, {_kind_of(one)})
             known[same] = found[0].remedy
             mended += found
         return mended
-
-    def _mended(self, error: Finding, doors: list[Item]) -> list[Finding]:
-        """Return an error or a warning with its remedy, and those of its item that are found once it is mended."""
-        section, _, name = (error.item or "").partition(".")
-        given = [item for item in getattr(self.plan, section) if item.name == name] if section in MENDED else []
-        if error.remedy or not given:  # such as of a stair of flights and landings
-            return [error]
-        return self._chain(error, section, _row(section, given), doors, {_kind_of(error)})
 
     def _chain(
         self, error: Finding, section: str, row: dict[str, Any], doors: list[Item], known: set[str]

@@ -28,7 +28,7 @@ from evac.building.geometry import (
     segment_lengths,
     sides,
 )
-from evac.building.model.findings import Finding
+from evac.building.model.findings import Finding, written
 
 #: Largest distance of an exit or a stair end from the outline of its floor [m].
 SNAP = 0.15
@@ -275,12 +275,6 @@ def between_rooms(ends: FloatArray, storey: str) -> str:
     )
 
 
-def written(ends: FloatArray) -> str:
-    """Describe a segment for a message."""
-    (x1, y1), (x2, y2) = ends
-    return f"({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f})"
-
-
 @remembered
 def with_walls(rooms: Sequence[BaseGeometry], thickness: float) -> list[BaseGeometry]:
     """Shrink adjacent rooms so that walls of a given thickness fit between them; outer sides are not moved."""
@@ -347,7 +341,10 @@ def placed(floor: BaseGeometry, ends: FloatArray, reach: float) -> tuple[FloatAr
     turn = np.array([abs(float(wall @ step)) for wall in walls])
     wall = walls[int(turn.argmax())]
     if turn.max() <= ALONG:
-        raise ValueError(_across(at, ends, float(turn.max())))
+        raise ValueError(
+            f"{written(ends)} runs through the wall at an angle of {np.degrees(np.arccos(turn.max())):.0f} degrees at "
+            f"({at[0]:z.2f}, {at[1]:z.2f}): draw it along the wall, as long as the opening is wide"
+        )
     if length - float(shapely.length(parts).sum()) <= ON_FLOOR:
         return ends, ""
     segment = rounded(at + ((ends - at) @ wall)[:, None] * wall)
@@ -390,11 +387,3 @@ def _hit(own: FloatArray, start: FloatArray, way: FloatArray) -> FloatArray | No
         return None
     direction: FloatArray = step[away.argmin()] / np.hypot(*step[away.argmin()])
     return direction
-
-
-def _across(at: FloatArray, ends: FloatArray, cosine: float) -> str:
-    """Describe a segment that does not run along its wall."""
-    return (
-        f"{written(ends)} runs through the wall at an angle of {np.degrees(np.arccos(cosine)):.0f} degrees at "
-        f"({at[0]:z.2f}, {at[1]:z.2f}): draw it along the wall, as long as the opening is wide"
-    )

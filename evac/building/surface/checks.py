@@ -103,18 +103,14 @@ def missed_seams(building: Building) -> tuple[Finding, ...]:
     names = [building.levels[index].title for index in sorted({level[one[first]], level[other[first]]})]
     ends = shapely.points(walls[one[rows]].reshape(-1, 2, 2))
     miss = np.hypot(shapely.distance(ends, lines[other[rows]][:, None]), drop[:, None])
+    weld = math.ceil(1.1e3 * miss[miss < THINNEST].max(initial=gap)) / 1e3  # 10 % more, rounded up to a millimetre
     text = (
         f"cells {'of ' + ' and '.join(map(repr, names)) + ' ' if len(names) > 1 else ''}miss each other by "
         f"{1e3 * gap:.1f} mm here and by less than {THINNEST:g} m along {len(np.unique(one[rows]))} walls; if they "
-        f"should meet, building.weld = {weld_for(float(miss[miss < THINNEST].max(initial=gap))):g} joins them"
+        f"should meet, building.weld = {weld:g} joins them"
     )
     item = item_of(building.levels[min(level[one[first]], level[other[first]])])
     return (Finding("warning", text, names[0], (float(x), float(y)), item),)
-
-
-def weld_for(miss: float) -> float:
-    """Return a weld that closes a gap [m]: 10 % more than the gap, rounded up to a millimetre."""
-    return math.ceil(1.1e3 * miss) / 1e3
 
 
 def check_depth(building: Building) -> Iterator[Finding]:

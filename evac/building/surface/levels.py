@@ -14,7 +14,7 @@ from evac.base.errors import BuildingError
 from evac.building.geometry import connected_components, segment_lengths, union
 from evac.building.model.building import Door, Exit, Level, Portal
 from evac.building.model.elevation import level_elevation
-from evac.building.model.findings import Finding, away, item_of, numbered, refusal
+from evac.building.model.findings import Finding, item_of, numbered, refusal
 from evac.building.surface.surface import Surface
 
 #: Corners at most this far from the straight line between their neighbours are removed [m].
@@ -426,19 +426,6 @@ def sorted_walls(walls: FloatArray, wall_level: NDArray[np.integer]) -> tuple[Fl
     """Sort walls (w, 4) by level, x1, y1, x2, y2."""
     order = np.lexsort((*walls.T[::-1], wall_level))
     return np.ascontiguousarray(walls[order]), wall_level[order].astype(np.int32)
-
-
-def nearest_wall(walls: FloatArray, wall_level: IntArray, levels: tuple[Level, ...], plan: FloatArray) -> str:
-    """Describe, for a message, the wall nearest to plan points (n, 2), with its place and distance."""
-    if not len(walls):
-        return "there is no free edge"
-    distance = shapely.distance(shapely.linestrings(walls.reshape(-1, 2, 2)), shapely.multipoints(plan))
-    row = int(distance.argmin())
-    x1, y1, x2, y2 = walls[row]
-    return (
-        f"the nearest free edge is ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}) of level "
-        f"{levels[wall_level[row]].name!r}, {away(distance[row])}"
-    )
 
 
 def _tagged_exit(

@@ -22,9 +22,9 @@ from evac.building.geometry import (
 )
 from evac.building.model.building import Area, Building, Exit, Level
 from evac.building.model.elevation import level_elevation
-from evac.building.model.findings import Finding, item_of, noting
+from evac.building.model.findings import Finding, item_of, noting, written
 from evac.building.options import ExitLine, Outline, Placed
-from evac.building.surface.levels import COLLINEAR, nearest_wall, sorted_walls
+from evac.building.surface.levels import COLLINEAR, sorted_walls
 
 #: Largest distance of an exit from the free edge that it is snapped to [m].
 EXIT_REACH = 0.05
@@ -47,12 +47,14 @@ def add_exit(building: Building, item: ExitLine) -> Building:
     )
     gaps = gaps_along(segments, ends)
     if gaps.max() > EXIT_REACH:
-        near = nearest_wall(own, np.full(len(own), level.index), building.levels, ends)
-        (x1, y1), (x2, y2) = ends
-        off = f"{gaps.sum():.2f} m of it are off: shorten it, or check for an exit or a portal there"
+        advice = f"{gaps.sum():.2f} m of it are off: shorten it, or check for an exit or a portal there"
+        if not len(rows) and len(own):
+            away = shapely.distance(shapely.linestrings(own.reshape(-1, 2, 2)), shapely.multipoints(ends))
+            nearest = own[away.argmin()].reshape(2, 2)
+            advice = f"the nearest free edge is {written(nearest)}, {away.min():.2f} m away"
         raise ValueError(
-            f"({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}) on level {level.name!r} does not lie on a free edge "
-            f"(within {EXIT_REACH} m all along); {off if len(rows) else near}"
+            f"{written(ends)} on level {level.name!r} does not lie on a free edge (within {EXIT_REACH} m all along); "
+            f"{advice}"
         )
     if between_floors(level.polygon, segments, DOOR_REACH).any():
         x, y = ends.mean(axis=0)
