@@ -31,22 +31,25 @@ def connected_components(count: int, pairs: IndexArray) -> IndexArray:
             least = further
 
 
-#: Greatest number of results of a function that are kept.
-MOST_KEPT = 20_000
+#: Greatest size of the arguments of a function whose results are kept [bytes].
+MOST_KEPT = 64_000_000
 
 
 def remembered(function: Callable[Given, Made]) -> Callable[Given, Made]:
     """Keep the results of a function of shapes, arrays and numbers, so that storeys that are equal are made once."""
-    kept: dict[bytes, Made] = {}
+    kept, total = dict[bytes, tuple[int, Made]](), 0
 
     @wraps(function)
     def call(*given: Given.args, **named: Given.kwargs) -> Made:
-        key = blake2b(b"".join(map(_content, (*given, *named.values()))), digest_size=16).digest()
-        if key not in kept:
-            kept[key] = function(*given, **named)
-            if len(kept) > MOST_KEPT:
-                del kept[next(iter(kept))]
-        return kept[key]
+        nonlocal total
+        content = b"".join(map(_content, (*given, *named.values())))
+        key = blake2b(content, digest_size=16).digest()
+        if (found := kept.get(key)) is None:
+            kept[key] = found = len(content), function(*given, **named)
+            total += len(content)
+            while total > MOST_KEPT:
+                total -= kept.pop(next(iter(kept)))[0]
+        return found[1]
 
     return call
 
@@ -176,6 +179,7 @@ def plan_area(corners: FloatArray) -> FloatArray:
     return area
 
 
+@remembered
 def union(polygons: Sequence[BaseGeometry] | NDArray[np.object_]) -> BaseGeometry:
     """Return the union of polygons, on a grid unless they share their sides: GEOS may omit one without it."""
     if shapely.coverage_is_valid(polygons):

@@ -5,6 +5,7 @@ import pytest
 import shapely
 from scipy import sparse
 
+from evac.building import geometry
 from evac.building.geometry import (
     connected_components,
     flat_parts,
@@ -52,7 +53,7 @@ def test_no_polygon_is_lost(seed):
         assert union(pieces).area == pytest.approx(total, rel=1e-7)
 
 
-def test_results_are_remembered_by_the_content_of_shapes_arrays_and_numbers():
+def test_results_are_remembered_by_the_content_of_shapes_arrays_and_numbers(monkeypatch):
     calls = []
 
     @remembered
@@ -75,3 +76,6 @@ def test_results_are_remembered_by_the_content_of_shapes_arrays_and_numbers():
         with pytest.raises(ValueError, match="reach"):
             area([], ends, -1.0)
     assert len(calls) == 7
+    monkeypatch.setattr(geometry, "MOST_KEPT", 10)
+    assert [area([room(1)], ends, 9.0) for _ in range(2)] == [20.0, 20.0]
+    assert len(calls) == 9

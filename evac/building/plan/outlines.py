@@ -233,6 +233,7 @@ def covered(pieces: FloatArray, ends: FloatArray) -> float:
     return float(np.hypot(*(ends[1] - ends[0])) - gaps_along(pieces, ends).sum())
 
 
+@remembered
 def strips(
     polygons: BaseGeometry | NDArray[np.object_], ends: FloatArray, ways: FloatArray, reach: float | FloatArray
 ) -> tuple[Strip | None, ...]:

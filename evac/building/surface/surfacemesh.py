@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.change import Control, LiftOptions
 from evac.base.errors import BuildingError, PluginError
-from evac.building.geometry import GRID, points_on, rounded, triangulate
+from evac.building.geometry import GRID, points_on, remembered, rounded, triangulate
 from evac.building.model.findings import Finding, as_findings, repaired, with_repaired_names
 
 #: Kinds of tag on surfaces and on edges.
@@ -265,17 +265,23 @@ def _triangles(plan: BaseGeometry, height: Height, corners: FloatArray, tree: sh
         points, is_side = _lifted(outline, height), ring[:-1] == ring[1:]
         side, divided = _split(corners, tree, np.stack([points[:-1], points[1:]], axis=1)[is_side])
         rings = shapely.linearrings(divided[:, :2], indices=ring[:-1][is_side][side])
-        try:
-            pieces = shapely.constrained_delaunay_triangles(shapely.polygons(rings[0], rings[1:]))
-        except shapely.GEOSException as error:
-            x, y = shapely.get_coordinates(rings[-1])[0]
-            raise ValueError(
-                f"the surface at ({x:z.2f}, {y:z.2f}) cannot be triangulated: parts of its outline are too "
-                "close to each other there; repair the outline"
-            ) from error
-        at = shapely.get_coordinates(shapely.get_parts(pieces)).reshape(-1, 4, 2)[:, :3]
-        triangles.append(_lifted(at.reshape(-1, 2), height).reshape(-1, 3, 3))
+        triangles.append(_lifted(_triangulated(shapely.polygons(rings[0], rings[1:])), height).reshape(-1, 3, 3))
     return np.concatenate(triangles)
+
+
+@remembered
+def _triangulated(polygon: BaseGeometry) -> FloatArray:
+    """Return the corners (3 t, 2) of the triangles of a polygon."""
+    try:
+        pieces = shapely.constrained_delaunay_triangles(polygon)
+    except shapely.GEOSException as error:
+        x, y = shapely.get_coordinates(shapely.get_rings(polygon)[-1])[0]
+        raise ValueError(
+            f"the surface at ({x:z.2f}, {y:z.2f}) cannot be triangulated: parts of its outline are too close to each "
+            "other there; repair the outline"
+        ) from error
+    corners: FloatArray = shapely.get_coordinates(shapely.get_parts(pieces)).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
+    return corners
 
 
 def _lifted(plan: FloatArray, height: Height) -> FloatArray:
