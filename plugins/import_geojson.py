@@ -5,6 +5,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -42,7 +43,9 @@ from evac.building.recover.linework import LEAST_CABIN, LEAST_ROOM, door_sides, 
 from evac.building.recover.openstreetmap import features_of
 
 #: Values of the property ``kind`` of a feature.
-KINDS = ("storey", "area", "obstacle", "exit", "door", "opening")
+KINDS = ("storey", "room", "corridor", "area", "obstacle", "exit", "door", "opening")
+#: Those of polygons that people walk on; how alike another word may be to a kind without being one with a mistake.
+GROUNDS, ALIKE = KINDS[:3], 0.75
 #: Beginnings of the descriptions of ground that is lost.
 GROUND = ("way ", "room ", "ground ")
 #: Kinds of features of an exported building, of which some follow from the others.
@@ -135,7 +138,12 @@ class GeojsonImporter(Importer):
         else:
             for kind, number in Counter(one.kind or "line" for one in features).items():
                 plan.note("found", f"{number} features of the kind {kind}", element=kind, number=number)
-            self._add_storeys(plan, features)
+            self._add_storeys(plan, [one for one in features if one.kind in ("", *KINDS)])
+            ground = shapely.union_all([one.shape for one in features if one.kind in GROUNDS]).area
+            for one in (one for one in features if one.kind not in ("", *KINDS)):
+                lost = "missing" if one.shape.area > NEGLIGIBLE * ground else "left out"
+                text = f"feature {one.number}: kind {one.kind!r} is none of {', '.join(KINDS)}"
+                plan.note(lost, text, place=place_of(one.shape), element=one.kind)
         return plan
 
     def _add_map(
@@ -158,7 +166,7 @@ class GeojsonImporter(Importer):
         for one, (edges, landings) in zip(steps, flights, strict=True):
             pieces = [shapely.MultiPoint(edge.reshape(-1, 2)).convex_hull for edge in edges]
             for name in one.levels:
-                named[name].solids += [*pieces, *landings]
+                named[name].steps += [*pieces, *landings]
         for storey in storeys:
             is_ground = storey.order == ground.order
             nowhere += self._add_level(plan, storey, heights[storey.name], "exit" if is_ground else "opening")
@@ -178,7 +186,7 @@ class GeojsonImporter(Importer):
 
     def _add_level(self, plan: Plan, storey: Storey, z: float, outside: str) -> list[tuple[str, BaseGeometry]]:
         """Add one storey of an indoor map; return what is left out. Its rooms have walls if most of them have doors."""
-        solid = shapely.union_all(storey.solids)
+        solid = shapely.union_all([*storey.solids, *storey.steps])
         rooms = [shape for _, shape in storey.rooms]
         has_walls = 2 * sum(room.dwithin(storey.outlets, BESIDE) for room in rooms) >= len(rooms) > 0
         spaces = storey.spaces() if has_walls else [shapely.union_all([*storey.ways, *rooms])]
@@ -222,6 +230,9 @@ class GeojsonImporter(Importer):
             plan.note(
                 "left out", f"{label!r}: a door to a lift, a shaft or a void", storey.name, place, element="feature"
             )
+        elif ends is not None and sides == 1 and door_sides(ends, shapely.union_all([floor, *storey.steps]))[0] == 2:
+            text = f"{label!r}: a door to the side of steps; draw a stair that begins behind it"
+            plan.note("missing", text, storey.name, place, element="feature")
         elif ends is None or sides == 0 or (sides == 1 and not leads):
             plan.note("left out", f"{label!r}: a door that joins nothing", storey.name, place, element="feature")
         else:
@@ -250,7 +261,7 @@ class GeojsonImporter(Importer):
         names = list(dict.fromkeys(feature.storey or self.storey for feature in features))
         ground = {name: [one for one in features if (one.storey or self.storey) == name] for name in names}
         for index, name in enumerate(names):
-            floors = [one for one in ground[name] if one.kind == "storey"]
+            floors = [one for one in ground[name] if one.kind in GROUNDS]
             labels = Counter(one.name for one in floors)
             named = [one for one in floors if one.name and labels[one.name] == 1 < len(floors)]
             rooms = [one for one in named if one.shape.geom_type == "Polygon"]
@@ -269,11 +280,12 @@ class GeojsonImporter(Importer):
                 text = f"walls of {wall:g} m between polygons that touch, since doors are drawn between them (wall)"
                 plan.note("assumed", text, name)
             for one in rooms:
-                plan.room(numbered(one.name, {room.name for room in plan.rooms}), name, one.shape)
+                use = None if one.kind == "storey" else one.kind
+                plan.room(numbered(one.name, {room.name for room in plan.rooms}), name, one.shape, use=use)
             plan.note("found", f"{len(floors)} polygons of ground", name)
             if not given and len(names) > 1:
                 plan.note("assumed", f"z = {z:g} m, since the storey has no z (z, height)", name)
-            for number, one in enumerate((one for one in ground[name] if one.kind != "storey"), start=1):
+            for number, one in enumerate((one for one in ground[name] if one.kind not in GROUNDS), start=1):
                 self._add(plan, one, name, one.name or f"{one.kind or 'exit'} {number}")
 
     def _add(self, plan: Plan, feature: "Feature", storey: str, name: str) -> None:
@@ -402,8 +414,9 @@ def _feature(number: int, given: Any, profile: str) -> Feature:
     shape = shapes[0] if len(shapes) == 1 else shapely.GeometryCollection(shapes)
     if profile:
         return Feature(number, shape, "", "", "", None)
-    kind = str(properties.get("kind") or ("" if shape.geom_type == "LineString" else "storey")).lower()
-    if kind and kind not in KINDS:
+    usual = {"LineString": "", "Point": "point"}.get(shape.geom_type, "storey")
+    kind = str(properties.get("kind") or usual).lower()
+    if kind and kind not in KINDS and get_close_matches(kind, KINDS, cutoff=ALIKE):
         raise ValueError(f"feature {number}: unknown kind {kind!r}; {did_you_mean(kind, KINDS)}")
     z = properties.get("z")
     if z is not None and (isinstance(z, bool) or not isinstance(z, int | float)):

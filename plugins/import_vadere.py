@@ -86,10 +86,9 @@ def _shape(given: Mapping[str, Any]) -> shapely.Geometry:
         shape = shapely.box(x, y, x + width, y + height)
     else:
         shape = shapely.make_valid(shapely.Polygon([(float(one["x"]), float(one["y"])) for one in given["points"]]))
-    ground = flat_parts(shape)
-    if not (np.abs(ground.bounds) <= FARTHEST).all():  # nor NaN, if it is empty; GEOS may loop far beyond
+    if not (np.abs(shape.bounds) <= FARTHEST).all() or flat_parts(shape).is_empty:  # GEOS may loop far beyond
         raise ValueError("a shape has no area, or is too far away")
-    return ground
+    return flat_parts(shape)
 
 
 def _edges(one: Mapping[str, Any], shape: shapely.Geometry) -> list[shapely.Geometry]:

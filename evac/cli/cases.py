@@ -88,7 +88,7 @@ def execute_import(arguments: argparse.Namespace) -> int:
     Writes to --out the plan (building.plan.toml, or building.msh of other surfaces), a case.toml with preliminary
     people, a picture of every level (levels.png) and a report on everything found, assumed, repaired or left out
     (report.md). Several files are the storeys of one building, from the lowest up. If the files name no exit, the outer
-    openings are listed and numbered, widest first; choose exits among them with --exit. If a storey, a stair or more
+    openings are listed and numbered, doorways and the widest first; choose exits among them with --exit. If a storey, a stair or more
     than 2 % of the ground is missing or has no way out, no case is written, and the exit status is 2, unless --partial
     is given.
     """
@@ -148,7 +148,8 @@ def _show(made: "Imported") -> None:
 
     building = made.building
     floors = [own for _, levels in building.storeys if (own := [level for level in levels if level.kind == "floor"])]
-    named = {own[0].name.partition(" z=")[0] for own in floors}  # a storey of two heights has two floors
+    # A storey of two heights has two floors; floors without a storey are named by their height alone.
+    named = {own[0].name.removeprefix("floor ").partition(" z=")[0] for own in floors}
     area = sum(level.polygon.area for own in floors for level in own)
     full = [room.number for room in made.rooms if room.number]
     count = Counter(finding.kind for finding in made.findings)

@@ -102,7 +102,7 @@ def case_text(
     for line in lines_of_case:
         lines += ["", "[[line]]", *toml_lines(line)]
     if not made.building.exits and made.openings:
-        lines += ["", "# There is no exit yet. The widest opening:"]
+        lines += ["", "# There is no exit yet. The first opening:"]
         first = made.openings[0].exit()
         lines += ["# [[building.exits]]", *(f"# {line}" for line in toml_lines(first))]
     lines += PEOPLE.rstrip().splitlines()

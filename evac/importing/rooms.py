@@ -49,7 +49,7 @@ class Opening:
 
 
 def find_openings(building: Building, given: Sequence[tuple[str, ArrayLike]]) -> list[Opening]:
-    """Return the openings of a building, the widest first.
+    """Return the openings of a building: ways through outer walls first, the widest first.
 
     `given` (4,) [m]: openings in the file; if there are none, the outer edges of all floors are used.
     """
@@ -61,7 +61,11 @@ def find_openings(building: Building, given: Sequence[tuple[str, ArrayLike]]) ->
             found.append((on, segment))
     found = found or _outer(building)
     width = segment_lengths(np.array([segment for _, segment in found]).reshape(-1, 4))
-    order = sorted(range(len(found)), key=lambda k: (-round(float(width[k]), 3), found[k][0], *found[k][1].tolist()))
+    others = [not _is_way(building.levels[level].polygon, segment) for level, segment in found]
+    order = sorted(
+        range(len(found)),
+        key=lambda k: (others[k], -round(float(width[k]), 3), found[k][0], *found[k][1].tolist()),
+    )
     kept = [k for k in order if width[k] >= LEAST_WIDTH]
     openings = []
     for number, k in enumerate(kept, start=1):
@@ -70,6 +74,14 @@ def find_openings(building: Building, given: Sequence[tuple[str, ArrayLike]]) ->
         z = float(level_elevation(building.vertices, level, middle)[0])
         openings.append(Opening(number, level.name, z, segment, float(width[k])))
     return openings
+
+
+def _is_way(ground: shapely.Geometry, segment: FloatArray) -> bool:
+    """Return whether an outer edge, with the ground on its left, is between the sides of a way through a wall."""
+    ends, step = segment.reshape(2, 2), (segment[2:] - segment[:2]) / np.hypot(*(segment[2:] - segment[:2]))
+    beside, inward = ends + REACH * np.stack([-step, step]), np.array([-step[1], step[0]])
+    at_wall, in_room = (shapely.intersects_xy(ground, beside + depth * inward) for depth in (REACH, THICKEST))
+    return bool(in_room.all() and not at_wall.any())
 
 
 def _outer(building: Building) -> list[tuple[int, FloatArray]]:

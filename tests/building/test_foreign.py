@@ -133,12 +133,13 @@ def test_a_mesh_without_a_floor_that_has_headroom_is_refused(tmp_path):
         import_building([tmp_path / "a.obj"], tmp_path / "case", options={"up": "y", "scale": 0.3048})
 
 
-@pytest.mark.parametrize(("unit", "scale"), [(1.0, 1.0), (1000.0, 0.001), (1 / 0.0254, 0.0254)])
+@pytest.mark.parametrize(("unit", "scale"), [(1.0, 1.0), (1000.0, 0.001), (1 / 0.0254, 0.0254), (1 / 0.3048, 0.3048)])
 @pytest.mark.parametrize("height", [2.8, 9.0])
 def test_a_mesh_whose_y_axis_points_upwards_is_turned_if_its_walls_are_walls_then(tmp_path, unit, scale, height):
     model = Model()
     for low, high in (((0, 0), (10, 0.2)), ((0, 7.8), (10, 8)), ((0, 0.2), (0.2, 7.8)), ((9.8, 0.2), (10, 7.8))):
         model.box(*low, 0, *high, height)
+    model.box(5, 0.2, 0, 5.2, 4, height)
     for z in (0.0, height + 0.2):
         model.box(0, 0, z - 0.2, 10, 8, z)
     points = unit * np.array(model.points) @ [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
@@ -147,7 +148,7 @@ def test_a_mesh_whose_y_axis_points_upwards_is_turned_if_its_walls_are_walls_the
     (tmp_path / "a.obj").write_text("\n".join(lines))
     turned = {"up": "y", "scale": scale} if height > 5.0 else {}  # of a hall, nothing is known
     made = import_building([tmp_path / "a.obj"], tmp_path / "case", options=turned)
-    assert sum(level.polygon.area for level in made.building.levels) == pytest.approx(9.6 * 7.6, rel=1e-3)
+    assert sum(level.polygon.area for level in made.building.levels) == pytest.approx(9.6 * 7.6 - 0.2 * 3.8, rel=1e-3)
     assert bool([one for one in made.findings if "(up, scale)" in one.text]) == (not turned)
 
 

@@ -104,6 +104,16 @@ def test_inner_walls_are_no_openings():
     assert all(hull.distance(middle) < 0.01 for middle in middles)
 
 
+def test_ways_through_outer_walls_are_the_first_openings():
+    plan = evac.Plan()
+    plan.storey(
+        "floor", shapely.union_all([shapely.box(0, 0, 9, 6), shapely.box(4, -0.3, 5, 0), shapely.box(9, 0, 12, 3)])
+    )
+    first, second, *_ = find_openings(plan.building(need_exit=False), ())
+    assert np.allclose(np.sort(first.segment), [-0.3, -0.3, 4.0, 5.0])
+    assert second.width == pytest.approx(9.0)
+
+
 @pytest.mark.slow
 def test_twice_as_many_rooms_take_little_more_than_twice_the_time(tmp_path):
     times = []

@@ -118,6 +118,22 @@ def test_named_polygons_of_geojson_are_rooms(tmp_path):
     )
 
 
+@pytest.mark.parametrize(("side", "lost"), [(0.2, "left out"), (1.0, "missing")])
+def test_features_of_unknown_kinds_are_accounted_for(tmp_path, side, lost):
+    text = collection(
+        feature("room", rectangle(0, 0, 4, 3), name="a"),
+        feature("corridor", rectangle(4.2, 0, 8, 3), name="b"),
+        feature("door", [[4.1, 1], [4.1, 1.4], [4.1, 1.9]], "LineString"),
+        feature("handrail", [[5, 1], [6, 1]], "LineString"),
+        feature("carpet", rectangle(5, 1, 5 + side, 1 + side)),
+        feature("", [5, 1], "Point"),
+    )
+    building = building_of(tmp_path / "a.geojson", text)
+    assert sum(level.polygon.area for level in building.levels) == pytest.approx(4 * 3 + 3.8 * 3 + 0.2 * 0.9)
+    kinds = {one.element: one.kind for one in building.findings if "is none of" in one.text}
+    assert kinds == {"handrail": "left out", "carpet": lost, "point": "left out"}
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

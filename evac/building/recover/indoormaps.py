@@ -36,6 +36,8 @@ UNITS = {"": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 SAME, BESIDE = 0.03, 0.3
 #: Stairwells at least this wide have two flights, which have a gap between them; floor before them [m].
 TWO_FLIGHTS, GAP, BEFORE = 1.7, 0.1, 1.2
+#: Stairwells at least this wide for each metre of their length may have flights across it, where their doors are.
+SQUARE = 0.9
 #: Length of a stair in plan for each metre that it rises, at most.
 GENTLE = 1.8
 #: Longest name of a level that is not an identifier.
@@ -61,6 +63,7 @@ class Storey:
     ways: list[BaseGeometry] = field(default_factory=list)
     solids: list[BaseGeometry] = field(default_factory=list)
     shafts: list[BaseGeometry] = field(default_factory=list)
+    steps: list[BaseGeometry] = field(default_factory=list)  # of stairs to and from other storeys
     doors: "list[MapDoor]" = field(default_factory=list)
 
     @property
@@ -254,15 +257,18 @@ def laid(one: Steps, low: Storey, up: Storey, rise: float) -> Steps:
 
     `rise` [m].
     """
-    if one.area is None:
+    area = one.area
+    if area is None:
         return one
+    doors = (low.outlets | up.outlets) & area.buffer(BESIDE)
+    places = shapely.get_coordinates([part.centroid for part in shapely.get_parts(doors)])
+    walled = bool(len(places))
+    if walled and _depth(one, places) > BEFORE and one.width >= SQUARE * one.line.length:
+        one = min(one, _across(one), key=lambda way: _depth(way, places))
     ends = shapely.get_coordinates(one.line)
     length, width = float(np.hypot(*(ends[1] - ends[0]))), one.width
     floors = [shapely.union_all([*storey.ways, *(room for _, room in storey.rooms)]) for storey in (low, up)]
-    floors = [floor.difference(one.area.buffer(SAME, join_style="mitre")) for floor in floors]
-    doors = (low.outlets | up.outlets) & one.area.buffer(BESIDE)
-    places = shapely.get_coordinates([part.centroid for part in shapely.get_parts(doors)])
-    walled = bool(len(places))
+    floors = [floor.difference(area.buffer(SAME, join_style="mitre")) for floor in floors]
     beyond = [_beyond(end, end - ends.mean(axis=0), width) for end in ends]
     is_open = np.array([[(floor & box).area > box.area / 2 for box in beyond] for floor in floors])
     for way, (foot, head) in ((ends, (0, 1)), (ends[::-1], (1, 0))):
@@ -279,6 +285,20 @@ def laid(one: Steps, low: Storey, up: Storey, rise: float) -> Steps:
     corners = [(begin, 1), (turn, 1), (turn, -1), (begin, -1)]
     line = [start + s * along + side * (lane + GAP) / 2 * across for s, side in corners]
     return replace(one, line=shapely.LineString(line), width=lane)
+
+
+def _depth(one: Steps, places: FloatArray) -> float:
+    """Return how far doors are from one end of a stair along it [m], the end at which this is less."""
+    ends = shapely.get_coordinates(one.line)
+    along = (places - ends[0]) @ (ends[1] - ends[0]) / one.line.length
+    return float(min(along.max(), one.line.length - along.min()))
+
+
+def _across(one: Steps) -> Steps:
+    """Return a stair whose line is across its area."""
+    ends = shapely.get_coordinates(one.line)
+    half = (ends[1] - ends[0]) @ [[0, 1], [-1, 0]] / one.line.length * one.width / 2
+    return replace(one, line=shapely.LineString(ends.mean(axis=0) + np.stack([-half, half])), width=one.line.length)
 
 
 def _beyond(end: FloatArray, way: FloatArray, width: float) -> BaseGeometry:

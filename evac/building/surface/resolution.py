@@ -81,22 +81,26 @@ def likely_frame(mesh: TriangleMesh, axes: Sequence[Axis]) -> tuple[Axis, float,
     units = _units(*wall)
     if not units and len(axes) > 1 and _levelled(mesh, mesh.points) > LEAST_UPRIGHT:
         other = _largest_wall(turned(mesh, axes[1])) or wall
-        units = [unit for unit in _units(*other) if unit != WALL_UNITS[0]]  # deep halls are none in feet
+        # Halls as deep as walls are high in feet have walls of one height already.
+        units = [unit for unit in _units(*other) if unit != WALL_UNITS[0] or wall[2] < 0.9 < other[2]]
         up, turns = (axes[1], f"{axes[1]} points upwards and ") if units else (up, "")
     unit = (units or [1.0])[0]
     why = f"1 unit is {unit:g} m: else walls would be {wall[0]:.2f} m high and {wall[1]:.2f} m thick (up, scale)"
     return up, unit, turns + why if units else ""
 
 
-def _units(tall: float, thin: float) -> list[float]:
-    """Return the units with which a wall is as high and as thick as walls are."""
+def _units(tall: float, thin: float, _: float) -> list[float]:
+    """Return the units with which the largest wall is as high and as thick as walls are."""
     return [
         unit for unit in (1.0, *WALL_UNITS) if TALL[0] <= tall * unit <= TALL[1] and THICK[0] <= thin * unit <= THICK[1]
     ]
 
 
-def _largest_wall(mesh: TriangleMesh) -> tuple[float, float] | None:
-    """Return the height and the thickness of the largest body that is a wall [units]; None if there is none."""
+def _largest_wall(mesh: TriangleMesh) -> tuple[float, float, float] | None:
+    """Return the height and the thickness of the largest body that is a wall [units], and the share of walls as high.
+
+    Return None if there is none.
+    """
     points, index = np.unique(mesh.points, axis=0, return_inverse=True)
     cells = index.ravel()[mesh.triangles]
     body = bodies(len(points), cells)
@@ -117,7 +121,8 @@ def _largest_wall(mesh: TriangleMesh) -> tuple[float, float] | None:
     tall, thin = float(height[largest]), float(thick[largest])
     slabs = np.unique(np.round(high[:, 2][~is_wall & (ground > 0.1 * ground.max())], 1))
     gaps = np.diff(slabs)[np.diff(slabs) > thin * 3.0]
-    return min([tall, *gaps.tolist()]), thin
+    alike = np.abs(height - tall) < 0.01 * tall
+    return min([tall, *gaps.tolist()]), thin, float(upright[is_wall & alike].sum() / upright[is_wall].sum())
 
 
 def _levelled(mesh: TriangleMesh, points: FloatArray) -> float:
