@@ -88,9 +88,9 @@ def execute_import(arguments: argparse.Namespace) -> int:
     Writes to --out the plan (building.plan.toml, or building.msh of other surfaces), a case.toml with preliminary
     people, a picture of every level (levels.png) and a report on everything found, assumed, repaired or left out
     (report.md). Several files are the storeys of one building, from the lowest up. If the files name no exit, the outer
-    openings are listed and numbered, doorways and the widest first; choose exits among them with --exit. If a storey, a stair or more
-    than 2 % of the ground is missing or has no way out, no case is written, and the exit status is 2, unless --partial
-    is given.
+    openings are listed and numbered, doorways and the widest first; choose exits among them with --exit. If a storey, a
+    stair or more than 2 % of the ground is missing or has no way out, no case is written, and the exit status is 2,
+    unless --partial is given.
     """
     for key, least in (("people", 1), ("density", 0.0), ("spacing", 0.001)):
         value = getattr(arguments, key)
