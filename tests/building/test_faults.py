@@ -319,6 +319,7 @@ SPOILED = [
     ("shafts", {"upper": "low"}, "shafts.up", 'upper = "high"'),
     ("shafts", {"lower": None}, "shafts.up", 'lower = "low"'),
     ("exits", {"segment": {"rooms": ["hall"], "side": 9}}, "exits.out", "side = 0, width = 0.9"),
+    ("exits", {"segment": [[1.5, 8], [2.5, 8]]}, "exits.out", "segment = [[2.5, 10.0], [1.5, 10.0]]"),
     ("lifts", {"storeys": ["low", "hgh"]}, "lifts.lift", 'storeys = ["low", "high"]'),
     ("lifts", {"door": [[4, 12.5], [5, 12.5]]}, "lifts.lift", "door = [[4.0, 10.2], [5.0, 10.2]]"),
     ("lifts", {"door": None}, "lifts.lift", "door = [[3.5, 10.2], [5.5, 10.2]]"),
@@ -333,7 +334,7 @@ def house():
     plan = Plan()
     plan.storey("low", wall=0.2)
     plan.room("office", "low", box(0, 0, 12, 4), people=3)
-    plan.room("hall", "low", box(0, 4, 12, 10))
+    plan.room("hall", "low", box(0, 4, 12, 10) - box(1, 6, 3, 7.5))
     plan.storey("high", z=3.0, like="low")
     plan.door("inner", "low", {"rooms": ["office", "hall"], "width": 0.9})
     plan.area("start", "low", {"rooms": ["office"], "inset": 0.5})

@@ -238,9 +238,10 @@ def _moved(corners: FloatArray, floor: BaseGeometry) -> list[list[float]]:
 
 
 def _on_walls(drawing: Drawing, section: str, storey: str, ends: FloatArray) -> Iterable[list[list[float]]]:
-    """Yield segments on the nearest walls between two rooms for a door, or to the outside for an exit."""
+    """Yield segments on the nearest walls between two rooms for a door, or at the outline of the floor for an exit."""
     floor = drawing.rooms[storey]
-    walls = sides(floor)
+    whole = shapely.multipolygons([shapely.Polygon(part.exterior) for part in shapely.get_parts(floor)])
+    walls = sides(floor if section == "doors" else whole)
     walls = walls[segment_lengths(walls) > LEAST_WIDTH + 2 * JAMB]
     walls = walls[between_floors(floor, walls, DOOR_REACH) == (section == "doors")]
     yield from _along_walls(walls, ends, MOST_WALLS)

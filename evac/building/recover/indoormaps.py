@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.building.geometry import lines_of
 from evac.building.model.findings import numbered
-from evac.building.surface.welding import weld_points
+from evac.building.surface.welding import welded
 
 #: Values that nobody walks on: categories of IMDF, of indoor and of room in OpenStreetMap; those of shafts, whose doors
 #: are no exits, and all.
@@ -341,13 +341,11 @@ def agreeing(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
     """Return polygons whose corners and sides are the same where they are at most `SAME` apart."""
     if not polygons:
         return []
-    corners = shapely.get_coordinates([*polygons])
-    vertices, index = weld_points(np.column_stack([corners, np.zeros(len(corners))]), SAME)
-    welded = shapely.set_coordinates(np.array([*polygons], dtype=object), vertices[index][:, :2])
-    points = shapely.points(vertices[:, :2])
+    joined = welded(polygons, SAME)
+    points = shapely.points(np.unique(shapely.get_coordinates(joined), axis=0))
     tree = shapely.STRtree(points)
     found = []
-    for polygon in welded:
+    for polygon in joined:
         near = tree.query(polygon, predicate="dwithin", distance=SAME)
         snapped = shapely.snap(polygon, shapely.multipoints(points[near]), SAME)
         found.append(snapped if snapped.is_valid else polygon if polygon.is_valid else polygon.buffer(0))

@@ -14,7 +14,7 @@ from evac.base.arrays import FloatArray, IndexArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.building.geometry import GRID, flat_parts, segment_lengths
 from evac.building.plan.outlines import doorway
-from evac.building.surface.welding import weld_points
+from evac.building.surface.welding import welded
 
 #: Grid on which lines are noded [m]; lines that were meant to coincide do so on this grid.
 NODING = 1e-4
@@ -78,7 +78,7 @@ def faces_of(lines: Sequence[BaseGeometry], gap: float) -> Faces:
 
     `lines` [m]; `gap` [m].
     """
-    pieces = _without_overshoots(_noded(_welded(lines, WELDED * gap)), gap)
+    pieces = _without_overshoots(_noded(welded(lines, WELDED * gap)), gap)
     closed = _closings(pieces, gap)
     pieces = _noded([*pieces, *_as_lines(closed)])
     faces, cuts, dangles, _ = shapely.polygonize_full(pieces)
@@ -301,13 +301,6 @@ def door_sides(doors: FloatArray, floor: BaseGeometry) -> IndexArray:
         is_whole = all(ground.dwithin(shapely.Point(end), LEAST_LENGTH) for end in segment)
         found.append(len(strips) if is_whole else 0)
     return np.array(found, dtype=np.int64)
-
-
-def _welded(lines: Sequence[BaseGeometry], distance: float) -> Lines:
-    """Merge corners of lines that are at most a given distance apart [m]."""
-    corners = shapely.get_coordinates([*lines])
-    vertices, index = weld_points(np.column_stack([corners, np.zeros(len(corners))]), distance)
-    return np.asarray(shapely.set_coordinates(np.array([*lines], dtype=object), vertices[index][:, :2]))
 
 
 def _noded(lines: Sequence[BaseGeometry] | Lines) -> Lines:

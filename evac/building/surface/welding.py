@@ -2,10 +2,13 @@
 
 import itertools
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IndexArray
 from evac.base.errors import BuildingError
@@ -42,6 +45,13 @@ def weld_points(points: FloatArray, distance: float) -> tuple[FloatArray, IndexA
                 kept[other] = one
     vertices, index = np.unique(kept, return_inverse=True)
     return distinct[vertices], index[row.ravel()]
+
+
+def welded(shapes: Sequence[BaseGeometry], distance: float) -> NDArray[np.object_]:
+    """Merge the corners of shapes in plan that are at most a given distance apart [m]."""
+    corners = shapely.get_coordinates([*shapes])
+    vertices, index = weld_points(np.column_stack([corners, np.zeros(len(corners))]), distance)
+    return np.asarray(shapely.set_coordinates(np.array([*shapes], dtype=object), vertices[index][:, :2]))
 
 
 def close_pairs(points: FloatArray, distance: float) -> IndexArray:
