@@ -1,5 +1,6 @@
 """Pictures of a building: annotated plans of all storeys with a numbered mark for each finding."""
 
+import itertools
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -146,14 +147,14 @@ def _numbered(figure: Figure, axes: Axes, places: list[list[tuple[int, Finding]]
 
 def _moved_free(axes: Axes, text: Text, box: Bbox, taken: Sequence[Bbox]) -> Bbox:
     """Move a text as little as is needed to cover nothing that is taken, if it can; return its box [pixels]."""
-    frame, shifts = axes.bbox, [(i, j) for i in range(-REACH, REACH + 1) for j in range(-REACH, REACH + 1)]
-    for i, j in sorted(shifts, key=lambda shift: shift[0] ** 2 + shift[1] ** 2):
-        dx, dy = 0.5 * i * box.width, 0.5 * j * box.height
-        moved = box.translated(dx, dy)
-        is_inside = frame.x0 <= moved.x0 and moved.x1 <= frame.x1 and frame.y0 <= moved.y0 and moved.y1 <= frame.y1
-        if is_inside and not moved.count_overlaps(taken):
-            _shift(axes, text, dx, dy)
-            return moved
+    shifts = sorted(itertools.product(range(-REACH, REACH + 1), repeat=2), key=lambda one: one[0] ** 2 + one[1] ** 2)
+    low = box.min + 0.5 * np.array(shifts) * box.size
+    high, others = low + box.size, np.reshape([one.get_points() for one in taken], (-1, 2, 2))
+    is_inside = ((low >= axes.bbox.min) & (high <= axes.bbox.max)).all(axis=1)
+    covers = ((low[:, None] < others[:, 1]) & (high[:, None] > others[:, 0])).all(axis=2).any(axis=1)
+    for row in np.flatnonzero(is_inside & ~covers)[:1]:
+        _shift(axes, text, *(low[row] - box.min).tolist())
+        return Bbox([low[row], high[row]])
     return box
 
 

@@ -369,10 +369,10 @@ def door_at(place: BaseGeometry, width: float, spaces: Sequence[BaseGeometry]) -
         ends = shapely.get_coordinates(place)[[0, -1]]
         return ends if np.hypot(*(ends[1] - ends[0])) > 0.3 else None
     middle = place.centroid
-    rings = [ring for part in spaces for ring in shapely.get_parts(part.boundary)]
+    rings = [ring for part in spaces if part.dwithin(middle, NEAR) for ring in shapely.get_parts(part.boundary)]
     lines = np.array([side for ring in rings for side in _long_sides(ring)], dtype=object)
     apart = shapely.distance(lines, middle)
-    if not len(lines) or apart.min() > NEAR:
+    if apart.min(initial=np.inf) > NEAR:
         return None
     near = sorted(lines[apart <= apart.min() + SAME], key=shapely.length)
     a, b = shapely.get_coordinates(next((side for side in near if 0.9 * side.length > width), near[-1]))
