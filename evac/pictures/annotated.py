@@ -151,8 +151,8 @@ def _moved_free(axes: Axes, text: Text, box: Bbox, taken: Sequence[Bbox]) -> Bbo
     low = box.min + 0.5 * np.array(shifts) * box.size
     high, others = low + box.size, np.reshape([one.get_points() for one in taken], (-1, 2, 2))
     is_inside = ((low >= axes.bbox.min) & (high <= axes.bbox.max)).all(axis=1)
-    covers = ((low[:, None] < others[:, 1]) & (high[:, None] > others[:, 0])).all(axis=2).any(axis=1)
-    for row in np.flatnonzero(is_inside & ~covers)[:1]:
+    covers = ((low[:, None] < others[:, 1]) & (high[:, None] > others[:, 0])).all(axis=2)
+    for row in np.flatnonzero(is_inside & ~np.any(covers, axis=1))[:1]:
         _shift(axes, text, *(low[row] - box.min).tolist())
         return Bbox([low[row], high[row]])
     return box
