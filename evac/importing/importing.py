@@ -315,7 +315,7 @@ class _Draft:
         read = read_file(importer, file)
         mesh = read if isinstance(read, SurfaceMesh) else read_storeys(read, self._registry).surface()
         surface = clean(mesh, file, SurfaceOptions(**self.kept))
-        options = BuildingOptions.model_validate({"north": mesh.north} | dict(more or {}))
+        options = BuildingOptions.model_validate(dict(more or {}))
         self.written = building_of(surface, file, options, need_exit=False)
         own = [area for area in self.written.areas if area.people is not None or area.use in load_table()]
         self.people = {area.name: held_by(area) for area in own}

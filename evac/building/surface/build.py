@@ -45,8 +45,6 @@ def build_building(
     mesh: SurfaceMesh, source: Path, options: BuildingOptions = DEFAULT, *, need_exit: bool = True
 ) -> Building:
     """Build a `Building` from a surface mesh; it depends on the geometry only, not on the order of cells."""
-    if options.north is None:
-        options = options.model_copy(update={"north": mesh.north})
     return building_of(clean(mesh, source, options), source, options, need_exit=need_exit)
 
 
@@ -90,7 +88,7 @@ def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_
         stairs=level_set.stairs,
         findings=(*surface.findings, *level_set.findings, *notes),
         doors=find_doors(surface, level_set.levels),
-        north=options.north,
+        north=surface.given.north if options.north is None else options.north,
     )
     if errors := [*check_overlap(building), *check_depth(building)]:
         raise refusal(source, errors)
@@ -109,12 +107,12 @@ def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_
     building = add_obstacles(building, obstacles, errors)
     if errors:
         raise refusal(source, errors)
-    if surface.lifts or options.lifts:
+    if surface.given.lifts or options.lifts:
         from evac.building.model.lifts import with_lifts_of
 
-        building = with_lifts_of(building, surface.lifts, options.lifts)
+        building = with_lifts_of(building, surface.given.lifts, options.lifts)
     building = replace(building, findings=(*building.findings, *(isolated_parts(building) if building.exits else ())))
-    building = with_controls(building, surface.controls)
+    building = with_controls(building, surface.given.controls)
     for name, control in options.controls.items():
         with _named(f"building.controls.{name}"):
             building = with_controls(building, {name: control})
@@ -157,7 +155,7 @@ def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[
         if not parts:
             raise BuildingError(f"{source}: area {name!r} lies on no walkable level; put it on a level")
         parts.sort(key=lambda part: (-part[0].area, part[1]))
-        use, people = surface.uses.get(name, ("", None))
+        use, people = surface.given.uses.get(name, ("", None))
         ground = sum(polygon.area for polygon, _ in parts)
         for row, (polygon, level) in enumerate(parts):
             own = numbered(name, taken) if row else name

@@ -44,8 +44,8 @@ def turned(mesh: TriangleMesh, up: str) -> TriangleMesh:
     """Rotate a mesh so that its axis `up` becomes z."""
     if up == "z":
         return mesh
-    doors = tuple((name, _turned(ends)) for name, ends in mesh.doors)
-    return replace(mesh, points=_turned(mesh.points), doors=doors)
+    doors = [(name, _turned(np.asarray(ends))) for name, ends in mesh.given.doors]
+    return replace(mesh, points=_turned(mesh.points), given=replace(mesh.given, doors=doors))
 
 
 def _turned(points: FloatArray) -> FloatArray:

@@ -404,9 +404,10 @@ def find_exits_and_walls(
 
 def find_doors(surface: Surface, levels: tuple[Level, ...]) -> tuple[Door, ...]:
     """Return the doors of a surface, each on the level that is nearest to its middle."""
-    if not surface.doors:
+    given = [(name, np.asarray(ends)) for name, ends in surface.given.doors]
+    if not given:
         return ()
-    middle = np.array([ends.mean(axis=0) for _, ends in surface.doors])
+    middle = np.array([ends.mean(axis=0) for _, ends in given])
     point = shapely.points(middle[:, :2])
     off = np.empty((len(levels), len(middle)))
     for row, level in enumerate(levels):
@@ -416,7 +417,7 @@ def find_doors(surface: Surface, levels: tuple[Level, ...]) -> tuple[Door, ...]:
         height = level_elevation(surface.vertices, level, near)
         off[row] = np.hypot(*(near - middle[:, :2]).T) + np.abs(height - middle[:, 2])
     doors: list[Door] = []
-    for (name, ends), on in zip(surface.doors, off.argmin(axis=0).tolist(), strict=True):
+    for (name, ends), on in zip(given, off.argmin(axis=0).tolist(), strict=True):
         segment = ends[:, :2].ravel()
         doors.append(Door(len(doors), name, on, segment, float(np.hypot(*(segment[2:] - segment[:2])))))
     return tuple(doors)

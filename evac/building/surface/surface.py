@@ -3,21 +3,19 @@
 The result depends only on the geometry, not on the order of vertices and cells in a file or on their orientation.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
-from evac.base.change import Control, LiftOptions
 from evac.base.errors import BuildingError
 from evac.building.geometry import least_height, plan_area
 from evac.building.model.findings import Finding, refusal
 from evac.building.options import SurfaceOptions
 from evac.building.surface.foreign import walked_surface
 from evac.building.surface.resolution import check_extent, check_resolution, doubted_axis
-from evac.building.surface.surfacemesh import TriangleMesh
+from evac.building.surface.surfacemesh import SurfaceMesh, TriangleMesh
 from evac.building.surface.welding import split_at_vertices, weld_points
 
 #: Largest share by which welding may change the area of the ground.
@@ -43,12 +41,8 @@ class Surface:
     # dict of str to (o, 3, 3) float64 [m]: corners of the cells of each tag ``obstacle:``; they are not in `triangles`
     obstacles: dict[str, FloatArray]
     findings: tuple[Finding, ...]
-    # tuple of (str, (2, 3) float64) [m]: name and ends of each door between rooms
-    doors: tuple[tuple[str, FloatArray], ...] = ()
-    uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)  # use and people of areas
-    controls: Mapping[str, Control] = field(default_factory=dict)
-    lifts: Sequence[tuple[str, Sequence[str], LiftOptions]] = ()
-    doubts: tuple[Finding, ...] = ()  # those of the findings that errors repeat, since they may tell the cause
+    doubts: tuple[Finding, ...]  # those of the findings that errors repeat, since they may tell the cause
+    given: SurfaceMesh  # the mesh from which it was made, with doors in metres
 
 
 def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
@@ -109,9 +103,8 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     gradient = -normal[:, :2] / normal[:, 2:] + 0.0
     is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= options.flat_angle
-    doors = tuple((name, scale * ends) for name, ends in mesh.doors)
-    kept = doors, mesh.uses, mesh.controls, mesh.lifts, doubts
-    return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), *kept)
+    given = replace(mesh.given, doors=[(name, scale * np.asarray(ends)) for name, ends in mesh.given.doors])
+    return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), doubts, given)
 
 
 def _is_fitted(vertices: FloatArray, triangles: IndexArray) -> BoolArray:

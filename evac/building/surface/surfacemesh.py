@@ -153,10 +153,7 @@ class TriangleMesh:
     cell_tags: dict[str, BoolArray]  # dict of str to (t,) bool: cells with each known tag
     edge_tags: dict[str, IndexArray]  # dict of str to (e, 2) int64: edges with each tag of edges
     findings: tuple[Finding, ...]
-    doors: tuple[tuple[str, FloatArray], ...] = ()  # tuple of (str, (2, 3) float64) [units of the file]
-    uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)
-    controls: Mapping[str, Control] = field(default_factory=dict)
-    lifts: Sequence[tuple[str, Sequence[str], LiftOptions]] = ()
+    given: SurfaceMesh  # as the importer gave it, with checked doors and names in one line
 
 
 def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
@@ -194,9 +191,8 @@ def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
     edge_tags = with_repaired_names(source, edge_tags, notes)
     doors = [(repaired(name), _as_array(source, f"door:{name}", at, np.float64, (2, 3))) for name, at in mesh.doors]
     uses = {repaired(name): use for name, use in mesh.uses.items()}
-    return TriangleMesh(
-        source, points, triangles, cell_tags, edge_tags, tuple(notes), tuple(doors), uses, mesh.controls, mesh.lifts
-    )
+    given = replace(mesh, doors=doors, uses=uses)
+    return TriangleMesh(source, points, triangles, cell_tags, edge_tags, tuple(notes), given)
 
 
 def _as_array(source: Path, name: str, values: ArrayLike, dtype: Any, shape: tuple[int, ...]) -> Any:
