@@ -28,7 +28,7 @@ OPTIONS = {
     "aknz_evac.wkt": {"exits": [1]},
     "bjnortier_floorplan.dxf": {"exits": [1]},
     "caserne.geojson": {"exits": [1, 3, 4, 5, 7]},
-    "constructiq_house_plan.dxf": {"exits": [4], "options": {"plan": "1"}},
+    "constructiq_house_plan.dxf": {"exits": [6], "options": {"plan": "1"}},
     "corner_with_shortcut.wkt": {"exits": [5]},
     "double_bottleneck.wkt": {"exits": [3]},
     "imdf_unit.geojson": {"exits": [1, 3, 4]},
