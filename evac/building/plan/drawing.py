@@ -20,7 +20,6 @@ from evac.building.geometry import (
     common,
     cut,
     flat_parts,
-    pieces_along,
     place_of,
     rounded,
     segment_lengths,
@@ -623,17 +622,10 @@ def _across(edge: FloatArray, direction: FloatArray) -> FloatArray:
 
 def _free(piece: FloatArray, others: FloatArray) -> FloatArray:
     """Return the parts (p, 4) of a segment (4,) along which none of some others (n, 4) lies."""
-    ends = piece.reshape(2, 2)
-    near, _ = pieces_along(others, ends, ON_ONE_LINE) if len(others) else (others, None)
-    length = float(segment_lengths(piece[None])[0])
-    spans = np.sort((near.reshape(-1, 2, 2) - ends[0]) @ (ends[1] - ends[0]) / length, axis=1)
-    start, free = 0.0, []
-    for low, high in [*sorted(spans.tolist()), [length, length]]:
-        if low - start > LEAST_LENGTH:
-            free.append([start, low])
-        start = max(start, high)
-    shares = np.array(free).reshape(-1, 2, 1) / length
-    return rounded(ends[0] + shares * (ends[1] - ends[0])).reshape(-1, 4)
+    taken = shapely.multilinestrings(others.reshape(-1, 2, 2)).buffer(ON_ONE_LINE, cap_style="flat")
+    rest = shapely.difference(shapely.linestrings(piece.reshape(2, 2)), taken)
+    ends = shapely.get_coordinates(shapely.get_parts(rest)).reshape(-1, 4)
+    return rounded(ends[segment_lengths(ends) > LEAST_LENGTH])
 
 
 def _on_outline(floor: BaseGeometry, segment: FloatArray) -> FloatArray:
