@@ -139,7 +139,7 @@ class GeojsonImporter(Importer):
             for kind, number in Counter(one.kind or "line" for one in features).items():
                 plan.note("found", f"{number} features of the kind {kind}", element=kind, number=number)
             self._add_storeys(plan, [one for one in features if one.kind in ("", *KINDS)])
-            ground = shapely.union_all([one.shape for one in features if one.kind in GROUNDS]).area
+            ground = sum(one.shape.area for one in features if one.kind in GROUNDS)
             for one in (one for one in features if one.kind not in ("", *KINDS)):
                 lost = "missing" if one.shape.area > NEGLIGIBLE * ground else "left out"
                 text = f"feature {one.number}: kind {one.kind!r} is none of {', '.join(KINDS)}"

@@ -105,7 +105,7 @@ def outline_with_doors(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["exit", "door"])
+@pytest.mark.parametrize("kind", ["exit", "door", "polygon"])
 @pytest.mark.parametrize("first", range(0, 500, 100))
 def test_doors_beside_outlines_of_any_angle_are_exits_that_share_nothing(kind, first):
     for seed in range(first, first + 100):
@@ -115,6 +115,9 @@ def test_doors_beside_outlines_of_any_angle_are_exits_that_share_nothing(kind, f
         for number, ends in enumerate(doors):
             if kind == "exit":
                 plan.exit(f"{number}", "floor", ends)
+            elif kind == "polygon":
+                polygon = shapely.LineString(ends).buffer(0.02 + 0.02 * (seed % 5), cap_style="flat")
+                plan.exit(f"{number}", "floor", polygon=polygon)
             else:
                 plan.door(f"{number}", "floor", ends, outside="exit")
         exits = plan.building(need_exit=False).exits
@@ -122,7 +125,12 @@ def test_doors_beside_outlines_of_any_angle_are_exits_that_share_nothing(kind, f
         assert all(way.width > 0.5 for way in exits), seed
         assert shapely.union_all(lines).length == pytest.approx(sum(way.width for way in exits), abs=1e-3), seed
         for ends in doors:  # all of a door is an exit, its own or one that it overlaps, but for less than 0.5 m
-            near = shapely.union_all(lines).buffer(0.31).intersection(shapely.LineString(ends)).length
+            near = (
+                shapely.union_all(lines)
+                .buffer(0.5 if kind == "polygon" else 0.31)
+                .intersection(shapely.LineString(ends))
+                .length
+            )
             assert near > np.hypot(*(ends[1] - ends[0])) - 0.51, seed
 
 

@@ -494,11 +494,13 @@ class Drawing:
         tag, floor, segment = f"exit:{item.name}", self.floors[item.storey], item.segment
         if segment is None:
             (ground,) = item.polygons
-            pieces = [piece for side in sides(ground).reshape(-1, 2, 2) for piece in _on_outline(floor, side)]
+            outer = sides(ground).reshape(-1, 2, 2)
+            pieces = [piece for side in outer for piece in along(floor, side, 2e-6)]  # which it has been cut out of
+            pieces = pieces or [piece for side in outer for piece in along(floor, side, SNAP)]
             own = np.unique(np.reshape(pieces, (-1, 4)), axis=0)
             wide = segment_lengths(own)
             others = [one.polygons for one in self.exits if one is not item and one.storey == item.storey]
-            if wide.sum() < NARROWEST and cut(ground, united(sum(others, ()))).area < ground.area - LEAST_AREA:
+            if wide.sum() < NARROWEST and ground.dwithin(united(sum(others, ())), SNAP):
                 text = f"exit {item.name!r} is left out: other exits have all but {wide.sum():.2f} m of it"
                 self._find("assumed", text, item.storey, ground, key_of("exits", item), "remove it")
                 return
@@ -646,6 +648,7 @@ def _reaching(outside: BaseGeometry, floor: BaseGeometry) -> BaseGeometry:
     rest = cut(floor, outside)
     wide = rest.buffer(-SNAP / 2, join_style="mitre").buffer(SNAP / 2, join_style="mitre")
     near = outside.buffer(SNAP, join_style="mitre").buffer(LEAST_LENGTH)
-    narrow = [part for part in shapely.get_parts(cut(rest, wide)) if near.covers(part)]
-    touching = [part for part in narrow if part.distance(outside) < LEAST_LENGTH]
-    return shapely.remove_repeated_points(united([outside, *touching]), LEAST_LENGTH) if touching else outside
+    narrow = shapely.get_parts(common(cut(rest, wide), near))
+    # No needles as narrow as the grid are left of them.
+    touching = [part.buffer(10 * GRID, join_style="mitre") for part in narrow if part.dwithin(outside, LEAST_LENGTH)]
+    return shapely.remove_repeated_points(united([outside, *touching]), 10 * GRID) if touching else outside
