@@ -232,7 +232,7 @@ class Drawing:
         for name, rows in by_storey.items():
             if ground := [*(part for row in rows for part in opened[row]), *outer.get(name, ())]:
                 # Ground of several doors to the outside at one place may leave slivers between them.
-                self.floors[name] = united([self.floors[name], united(ground)])
+                self.floors[name] = _joined(self.floors[name], [united(ground)])
                 whole = shapely.get_parts(self.floors[name])
                 holes = [[ring for ring in one.interiors if shapely.Polygon(ring).area > LEAST_AREA] for one in whole]
                 if sum(map(len, holes)) < shapely.get_num_interior_rings(whole).sum():
@@ -318,7 +318,7 @@ class Drawing:
         """Add strips of ground to a floor."""
         parts = [part.polygon for part in added if not part.polygon.is_empty]
         if parts:
-            self.floors[storey] = united([self.floors[storey], *parts])
+            self.floors[storey] = _joined(self.floors[storey], parts)
 
     def _place_lift(self, lift: LiftItem) -> list[Drawn]:
         """Part the car of a lift from the floors of its storeys by walls, open its doors, and return its rooms."""
@@ -497,7 +497,13 @@ class Drawing:
             outer = sides(ground).reshape(-1, 2, 2)
             pieces = [piece for side in outer for piece in along(floor, side, 2e-6)]  # which it has been cut out of
             pieces = pieces or [piece for side in outer for piece in along(floor, side, SNAP)]
-            own = np.unique(np.reshape(pieces, (-1, 4)), axis=0)
+            own = np.empty((0, 4))
+            for piece in np.unique(
+                np.reshape(pieces, (-1, 4)), axis=0
+            ):  # several sides may be beside one of the outline
+                free = _free(piece, own)
+                is_whole = segment_lengths(free).sum() > segment_lengths(piece[None])[0] - LEAST_LENGTH
+                own = np.concatenate([own, piece[None] if is_whole else free])
             wide = segment_lengths(own)
             others = [one.polygons for one in self.exits if one is not item and one.storey == item.storey]
             if wide.sum() < NARROWEST and ground.dwithin(united(sum(others, ())), SNAP):
@@ -609,6 +615,16 @@ def _divided(floor: BaseGeometry, areas: Mapping[str, BaseGeometry]) -> Iterable
     yield from (((names[row],), common(rest, outlines[row])) for row in alone)
     parts[0] = parts[0][0], cut(rest, united(outlines[alone])) if alone else rest
     yield from (part for part in parts if not part[1].is_empty)
+
+
+def _joined(floor: BaseGeometry, ground: list[BaseGeometry]) -> BaseGeometry:
+    """Return a floor with ground that touches it, if need be by moving its outline by a rounding error."""
+    whole = united([floor, *ground])
+    inside = shapely.STRtree(shapely.point_on_surface(shapely.get_parts(floor)))
+    of_floor, _ = inside.query(shapely.get_parts(whole), "intersects")
+    if len(np.unique(of_floor)) == shapely.get_num_geometries(whole):
+        return whole
+    return united([shapely.snap(floor, shapely.multipoints(shapely.get_coordinates(ground)), 2 * GRID), *ground])
 
 
 def _across(edge: FloatArray, direction: FloatArray) -> FloatArray:
