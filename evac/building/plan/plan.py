@@ -64,7 +64,9 @@ class Stair:
         if not self.handrails:
             return self
         lower, upper = (
-            None if edge is None else np.round(edge + self.handrails * np.outer([1.0, -1.0], _along(edge)), 6)
+            None
+            if edge is None
+            else np.round(edge - self.handrails * (edge - edge[::-1]) / np.hypot(*(edge[1] - edge[0])), 6)
             for edge in (self.lower_edge, self.upper_edge)
         )
         assert lower is not None
@@ -783,12 +785,6 @@ def copied(plan: Plan) -> Plan:
     own = copy.copy(plan)
     vars(own).update({name: copy.copy(value) for name, value in vars(plan).items()})
     return own
-
-
-def _along(edge: FloatArray) -> FloatArray:
-    """Return the unit vector along an edge (2, 2)."""
-    way: FloatArray = (edge[1] - edge[0]) / np.hypot(*(edge[1] - edge[0]))
-    return way
 
 
 def _is_tie(given: Any) -> bool:
