@@ -12,7 +12,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.building.geometry import lines_of
+from evac.building.geometry import connected_components, lines_of
 from evac.building.model.findings import numbered
 from evac.building.surface.welding import welded
 
@@ -73,18 +73,14 @@ class Storey:
 
     def spaces(self) -> list[BaseGeometry]:
         """Return rooms, and ways, joined where no door is between them; sides that touch agree."""
-        import networkx  # takes 0.1 s, and few files need it
-
         given = np.array([part for way in self.ways for part in shapely.get_parts(way)], dtype=object)
-        rows, others = shapely.STRtree(given).query(given, "intersects")
-        apart = self.outlets.buffer(BESIDE / 2)
-        joined = networkx.Graph()
-        joined.add_nodes_from(range(len(given)))
-        for one, other in zip(rows.tolist(), others.tolist(), strict=True):
-            common = given[one].buffer(SAME) & given[other] if one < other else None
-            if common is not None and (common.area > common.length * SAME or not common.intersects(apart)):
-                joined.add_edge(one, other)
-        ways = [shapely.union_all([given[row] for row in rows]) for rows in networkx.connected_components(joined)]
+        pairs = shapely.STRtree(given).query(given, "intersects").T
+        one, other = pairs[pairs[:, 0] < pairs[:, 1]].T
+        common = shapely.intersection(shapely.buffer(given[one], SAME), given[other])
+        is_closed = shapely.intersects(common, self.outlets.buffer(BESIDE / 2))
+        is_open = ~is_closed | (shapely.area(common) > shapely.length(common) * SAME)
+        group = connected_components(len(given), np.column_stack([one, other])[is_open])
+        ways = [shapely.union_all(given[group == number]) for number in np.unique(group)]
         rooms = [part for _, room in self.rooms for part in shapely.get_parts(room)]
         return agreeing([*ways, *rooms])
 
