@@ -7,7 +7,9 @@ import subprocess
 import threading
 import tomllib
 from base64 import b64decode
+from concurrent.futures import Future
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -740,6 +742,17 @@ def test_unsaved_work_is_here_again_after_the_end_of_the_server(page):
     page.press("save")
     page.browser.wait("document.getElementById('banner-text').textContent.includes('start it again')")
     page.browser.errors = [one for one in page.browser.errors if "ERR_" not in one]
+
+
+def test_each_change_is_kept_also_while_an_earlier_one_is_judged(page, eventually, monkeypatch):
+    session = page.server.session
+    monkeypatch.setattr(session, "_pool", SimpleNamespace(submit=lambda *given: judged.append(given) or Future()))
+    judged = []
+    for k in range(2):
+        page.run(f"editor.store.commit(editor.store.now.put({{ section: 'rooms', index: 0 }}, 'people', {k}))")
+        eventually(lambda: judged and session.journal.exists())
+        eventually(lambda k=k: json.loads(session.journal.read_text())["table"]["rooms"][0]["people"] == k)
+    assert len(judged) == 1
 
 
 def test_the_people_of_a_mesh_are_edited_but_not_its_building(browser, serve, tmp_path):

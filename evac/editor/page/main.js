@@ -43,7 +43,7 @@ async function start() {
   if (opened.begin) return begin();
   const isCase = Boolean(opened.table.case), declared = await ask("forms");
   const store = new Store(opened.table, changed), view = new PlanView(by("view"), store), view3d = new View3D(by("view3d"));
-  let { digest } = opened, onDisk = digest, isAsked = false, isStale = false, isSaving = false, isLost = false, lasted = 0;
+  let { digest } = opened, onDisk = digest, isSent = false, isAsked = false, isStale = false, isSaving = false, isLost = false, lasted = 0;
   view.storey = store.now.storeys[0]?.name ?? "";
   document.body.classList.toggle("fixed", !opened.is_drawn);  // A building that is no plan is shown, not drawn.
 
@@ -268,16 +268,18 @@ async function start() {
     warn(`${isCase ? `The case or ${opened.file}` : opened.file} has changed on the disk since it was read here. Nothing is overwritten:`, true);
   }
 
-  // Asks for what is to be said of the plan, and again afterwards if it has changed meanwhile.
+  // Has the plan kept in the journal and judged: each change at once, what is being dragged one after the other.
   async function check() {
-    if (isAsked || (tools.drag?.isMoved && lasted > AT_ONCE)) { isStale = true; return; }
-    [isAsked, isStale] = [true, false];
+    if (isSent || (tools.drag?.isMoved && (isAsked || lasted > AT_ONCE))) { isStale = true; return; }
+    [isSent, isAsked, isStale] = [true, true, false];
     try {
       await ask("check", { page: PAGE, revision: store.revision, table: store.now.content });
     } catch (error) {
       isAsked = false;
       warn(error.message);
     }
+    isSent = false;
+    if (isStale && !tools.drag?.isMoved) check();
   }
 
   // Gives findings the thing that they are about, and a place.
