@@ -4,6 +4,7 @@ import base64
 import html
 import json
 import math
+import re
 import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -42,6 +43,8 @@ PAGE = Path(__file__).with_name("page")
 
 #: Script that decompresses and runs the others, and the last one of these.
 LOADER, MAIN = "loader.js", "main.js"
+#: Lines that are comments of scripts, which the page has no use for.
+COMMENT = re.compile(r"^ *//.*\n", re.M)
 
 
 def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequence[Change]) -> None:
@@ -79,7 +82,7 @@ def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequ
     names = sorted(
         (path.relative_to(PAGE).as_posix() for path in PAGE.rglob("*.js")), key=lambda name: (name == MAIN, name)
     )
-    scripts = "\n".join(_read(name) for name in names if name != LOADER)  # within one function: no global names
+    scripts = "\n".join(COMMENT.sub("", _read(name)) for name in names if name != LOADER)  # within one function
     streams = {"scripts": zlib.compress(scripts.encode(), 9), "about": zlib.compress(text.encode(), 9)}
     streams |= {"floors": zlib.compress(floors.tobytes(), 9)} | motion.streams()
     title = html.escape(account.title or "Evacuation")
