@@ -105,3 +105,12 @@ def test_walls_closer_than_any_wall_is_thick_are_warned_of(mesh, read, gap, weld
     notes = [one for one in building.findings if one.place == (4.0, 1.5) and one.level == "floor z=0.00"]
     assert len(notes) == len(building.warnings) == (gap == 0.002 and walls == 8)
     assert all("'floor z=0.00 (2)'" in one.text and "2.0 mm" in one.text for one in notes)
+
+
+@pytest.mark.parametrize(("depth", "is_usable"), [(0.2, False), (0.4, True)])
+def test_an_exit_before_which_nobody_can_stand_is_told(mesh, read, depth, is_usable):
+    exits = [{"name": "back", "segment": [[3, 0], [4, 0]], "z": 0.0}, EXIT]
+    stair = {"name": "stair", "polygon": [[2, depth], [5, depth], [5, 2], [2, 2]], "z": 0.0}
+    building = read(mesh.rectangle(0, 0, 6, 3), exits=exits, obstacles=[stair])
+    told = [(one.item, one.place) for one in building.findings if one.kind == "warning"]
+    assert told == ([] if is_usable else [("exits.back", (3.5, 0.0))])

@@ -20,7 +20,14 @@ from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding, noting, numbered, refusal
 from evac.building.model.links import close_links, isolated_parts, set_moving, with_controls
 from evac.building.options import BuildingOptions, ExitLine, Outline, SurfaceOptions
-from evac.building.surface.checks import check_depth, check_exits, check_overlap, check_stairs, missed_seams
+from evac.building.surface.checks import (
+    check_depth,
+    check_exits,
+    check_ground,
+    check_overlap,
+    check_stairs,
+    missed_seams,
+)
 from evac.building.surface.foreign import turned
 from evac.building.surface.levels import (
     COLLINEAR,
@@ -111,7 +118,8 @@ def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_
         from evac.building.model.lifts import with_lifts_of
 
         building = with_lifts_of(building, surface.given.lifts, options.lifts)
-    building = replace(building, findings=(*building.findings, *(isolated_parts(building) if building.exits else ())))
+    more = [*isolated_parts(building), *check_ground(building)] if building.exits else []
+    building = replace(building, findings=(*building.findings, *more))
     building = with_controls(building, surface.given.controls)
     for name, control in options.controls.items():
         with _named(f"building.controls.{name}"):

@@ -21,6 +21,8 @@ FACING = -0.5
 #: Minimum vertical distance of two floors, and of a floor and a flight, that overlap in plan [m].
 LEAST_HEADROOM = 1.0
 LEAST_CLEARANCE = 0.1
+#: Floor before an exit on which nobody fits is less deep than this [m].
+LEAST_GROUND = 0.3
 #: Overlaps up to this area [m2], or up to this share of the smaller level, are taken as rounding errors.
 LEAST_SHARED = 0.01
 LEAST_SHARE = 5e-4
@@ -171,6 +173,24 @@ def check_exits(building: Building) -> Iterator[Finding]:
         )
     remedy = f"give it one, as [[building.exits]] in case.toml or [[exits]] in a plan{example}"
     yield Finding("error", "the building has no exit", level.title, place, "exits", remedy)
+
+
+def check_ground(building: Building) -> Iterator[Finding]:
+    """Yield a warning for each exit before which nobody can stand, as beside a stair that fills its room."""
+    for way in building.exits:
+        own = shapely.multilinestrings(way.segments.reshape(-1, 2, 2))
+        portals = [portal.segments for portal in building.portals if way.level in portal.levels]
+        if any(
+            shapely.dwithin(shapely.linestrings(ends.reshape(-1, 2, 2)), own, LEAST_GROUND).any() for ends in portals
+        ):
+            continue  # people come from the level behind it
+        around = building.levels[way.level].polygon.intersection(own.buffer(3.0 * LEAST_GROUND))
+        ground = around.buffer(-LEAST_GROUND / 2.0)  # of the centres of bodies
+        if ground.is_empty or own.distance(ground) > LEAST_GROUND / 2.0 + ROUNDING:
+            text = f"exit {way.name!r} cannot be used: the floor before it is less than {LEAST_GROUND:g} m deep"
+            remedy = "move it, or what is in the way, such as a stair"
+            level = building.levels[way.level].title
+            yield Finding("warning", text, level, place_of(way.segments), f"exits.{way.name}", remedy)
 
 
 def _face(a: FloatArray, b: FloatArray) -> bool:
