@@ -379,7 +379,7 @@ def show_people(simulation: "Simulation") -> None:
         inside = group.rows[crowd.level[group.rows] >= 0]
         on = {names[index]: None for index in np.unique(crowd.level[inside]).tolist()}
         levels = ", ".join(on) or "they arrive"
-        goes = inside[np.isfinite(crowd.start_time[inside])]
+        goes = np.setdiff1d(inside, population.staying)
         unimpeded = f"{time[goes].min():.1f} to {time[goes].max():.1f}" if len(goes) else ""
         radius = _span(crowd.radius[group.rows].min(), crowd.radius[group.rows].max()) if len(group.rows) else ""
         rows.append((group.name, len(group.rows), levels, unimpeded, radius))

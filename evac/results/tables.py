@@ -85,7 +85,7 @@ TABLES = {
     "flows": Kind(
         "Lines of the case, doors, and the portals with the greatest specific flows; flows.csv has all of them over"
         " time",
-        ("kind", "name", "direction", "people", *FLOW),
+        ("kind", "name", "direction", "passages", *FLOW),
     ),
 }
 
@@ -219,12 +219,17 @@ def _merging(run: "Results") -> Iterator[tuple[Any, ...]]:
         for person, time, forward in zip(line.person, line.time, line.forward, strict=True):
             ways.append((int(person), float(time), *((first, second) if forward else (second, first))))
     came = dict[tuple[str, str], tuple[list[float], list[float]]]()  # times of those from stairs, and of the others
-    stair_of = dict[int, str]()  # the last stair of each person
+    paths = dict[int, list[tuple[str, float]]]()  # places through which each person came, and since when
     for person, time, old, new in sorted(ways):
-        if old in run.stairs:
-            stair_of[person] = old
-        elif new in run.stairs and stair_of.get(person) != new:
-            came.setdefault((new, old), ([], []))[person not in stair_of].append(time)
+        path = paths.setdefault(person, [(old, 0.0)])
+        if len(path) > 1 and path[-2][0] == new:
+            path.pop()  # who turns back, or sways on an edge, did not pass it
+        elif old != new:
+            path.append((new, time))
+    for path in paths.values():
+        on_stair = [place in run.stairs for place, _ in path]
+        for k in (k for k in range(1, len(path)) if on_stair[k] and not on_stair[k - 1]):
+            came.setdefault((path[k][0], path[k - 1][0]), ([], []))[not any(on_stair[:k])].append(path[k][1])
     for place, both in came.items():
         if all(both):
             since, until = max(map(min, both)), min(map(max, both))

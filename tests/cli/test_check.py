@@ -109,11 +109,20 @@ level = "high"
 name = "wait"
 kind = "refuge"
 area = "lobby"
+[[event]]
+time = 9.0
+kind = "alarm"
+[behaviours.response_time]
+time = 1.0
+begin = "cue"
 [contact]
 model = "nsm2"
 """)
     assert evac("check", case) == 0
-    assert "All can reach an exit but 1 of 'wheels', who can reach only a refuge." in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "All can reach an exit but 1 of 'wheels', who can reach only a refuge." in out
+    (walkers,) = (row for row in map(str.split, out.splitlines()) if row[:1] == ["walkers"])
+    assert float(walkers[3]) <= float(walkers[5])  # unimpeded times of people who wait for an alarm
 
 
 def states(path, capsys):

@@ -61,17 +61,25 @@ def test_people_from_stairs_and_from_the_floor_merge_in_a_row_of_the_tables():
     plan.stair("low", "ground", [(5, 1), (5, 2.2)], "first", length=5.0, direction=(1, 0))
     plan.stair("high", "first", [(5, 4), (5, 5.2)], "second", length=5.0, direction=(1, 0))
     plan.exit("out", "ground", [(0, 2), (0, 4)])
+    plan.exit("roof", "second", [(16, 2), (16, 4)])
     people = [{"name": f"on {one}", "level": one, "number": 6, "radius": 0.2} for one in ("first", "second")]
+    people = [one | {"exits": ["out"]} for one in people]
+    at_once = {"behaviours": {"response_time": {"time": 0.0}}}
+    back = {"name": "turns back", "positions": [[4.0, 4.6]], "level": "first", "exits": ["roof"], "radius": 0.2} | at_once
+    turns = {"time": 3.0, "kind": "strategy", "target": "turns back", "value": ["out"]}
     late = {"response_time": {"time": {"uniform": [0.0, 20.0]}}}
-    case = evac.load({"building": plan, "people": people, "contact": {"model": "nsm1"}, "behaviours": late})
-    results = evac.run(case, progress=False)
-    assert results.evacuated == 12
+    table = {"building": plan, "people": [*people, back], "event": [turns], "behaviours": late}
+    results = evac.run(evac.load(table | {"contact": {"model": "nsm1"}}), progress=False)
+    assert results.evacuated == 13
+    assert results.stairs["high"]["people"] == 7  # with the one who turns back on it
     ((*place, from_stairs, from_floor, share),) = results.tables["merging"]
-    assert (place, from_stairs, from_floor) == (["low", "first"], 6, 6)
+    assert (place, from_stairs, from_floor) == (["low", "first"], 6, 7)
     (top,) = (one for one in results.building.portals if one.name == "low - first")
     person, portal, time = results.crossings
-    entered = {p: float(time[(person == p) & (portal == top.index)][0]) for p in range(12)}
-    floor, stairs = (sorted(entered[p] for p in results.groups[k].rows) for k in range(2))
+    entered = {p: float(time[(person == p) & (portal == top.index)][0]) for p in range(13)}
+    rows = {group.name: group.rows.tolist() for group in results.groups}
+    floor = sorted(entered[p] for name in ("on first", "turns back") for p in rows[name])
+    stairs = sorted(entered[p] for p in rows["on second"])
     since, until = max(floor[0], stairs[0]), min(floor[-1], stairs[-1])
     both = [sum(since <= t <= until for t in times) for times in (floor, stairs)]
     assert share == (pytest.approx(100.0 * both[0] / sum(both)) if both[0] else None)
