@@ -121,7 +121,7 @@ def _declare_study(parser: argparse.ArgumentParser) -> None:
     dask = "address or file of a Dask scheduler whose workers execute the runs"
     parser.add_argument("--dask", metavar="ADDRESS", help=dask)
     parser.add_argument("--resume", action="store_true", help="continue the study in the result folder")
-    maps = "record the motion of each run, for maps, queues and congestion over runs in reports and comparisons"
+    maps = "make the maps and find the congestion of each run, for maps over runs in reports and comparisons"
     parser.add_argument("--maps", action="store_true", help=maps)
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder")
 

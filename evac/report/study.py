@@ -191,7 +191,7 @@ def _results(study: Study, rows: Sequence[Mapping[str, Any]]) -> dict[str, objec
                 f"Evacuation time, {one.name}{' of complete runs' * (one is estimates.mean)} [s]": _noted(one)
                 for one in (estimates.mean, *estimates.percentiles)
             },
-            "Queues": hold_up or "not recorded (evac repeat --maps)",
+            "Queues": hold_up or "not recorded",
             "Second opinion": _hydraulic_answer(study),
         }
     if study.step_change is not None:

@@ -92,6 +92,9 @@ TABLES = {
 #: Row of the outcomes with the time of the hydraulic calculation.
 HYDRAULIC = "hydraulic evacuation time [s]"
 
+#: Row of the outcomes with the waiting of all people together, if their motion was recorded.
+WAITED = "waiting of all people [s]"
+
 #: What the row of the outcomes with the number of people at a safe place begins with.
 AT = "people at "
 
@@ -186,6 +189,8 @@ def _outcomes(run: "Results") -> Iterator[tuple[str, float | None]]:
     if run.hydraulic is not None:
         yield HYDRAULIC, run.hydraulic.hydraulic_time
         yield "places with more than the hydraulic flow", len(run.above_design)
+    if run.trajectory is not None:
+        yield WAITED, sum(queue.waited for queue in run.queues)
     yield "people stopped by gases or heat", len(run.stopped)
     for place in run.places:
         yield f"{AT}{place}", len(place.people)

@@ -86,7 +86,7 @@ def repeat(
     resume : bool
         Continue the study in the folder; existing runs are not repeated.
     maps : bool
-        Record the motion of each run, for maps, queues and congestion over runs: `Study.maps`, reports, comparisons.
+        Make the maps and find the congestion of each run, for maps over runs: `Study.maps`, reports, comparisons.
     progress : callable, optional
         Called with an `evac.study.study.StudyProgress` after each row has been written.
 

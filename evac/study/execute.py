@@ -56,7 +56,7 @@ class Order:
     seeds: Seeds
     key: str  # of the shared scene
     shared_scene: SharedSceneFile | None = None  # if it has been written
-    is_mapped: bool = False  # whether motion is recorded, for maps and queues
+    is_mapped: bool = False  # whether maps are made
 
 
 @dataclass(frozen=True)
@@ -232,14 +232,14 @@ def make_row(task: Task, case: "Case | None" = None, tick: Callable[[Progress], 
     """Execute a task in this process; an error of the run makes a row with that error."""
     order, base = task.order, case if case is not None else _case_of(task.order)
     try:
-        case = base.change(order.seeds.changes(task.run))
+        recorded = {"output.trajectory": True} if order.is_mapped else {}
+        case = base.change(order.seeds.changes(task.run) | recorded)
+        results = simulation_of(case, order.key, order.shared_scene, in_memory=True).run(tick)
+        row = _row(task, results)
         if not order.is_mapped:
-            return _row(task, simulation_of(case, order.key, order.shared_scene).run(tick))
-        with TemporaryDirectory(prefix="evac-run-", ignore_cleanup_errors=True) as place:
-            recorded = case.change({"output.trajectory": True, "output.replay": False, "output.animation": False})
-            results = simulation_of(recorded, order.key, order.shared_scene, folder=place).run(tick)
-            (maps, numbers), row = maps_of(results), _row(task, results)
-            return replace(row, maps=maps, told={**row.told, "tables": [*row.told["tables"], *numbers]})
+            return row
+        maps, numbers = maps_of(results)
+        return replace(row, maps=maps, told={**row.told, "tables": [*row.told["tables"], *numbers]})
     except EvacError as error:
         return _failed_row(task, error)
 

@@ -29,7 +29,7 @@ from evac.folder.files import (
 )
 from evac.folder.textfiles import plain, write_csv, write_json
 from evac.results.results import versions
-from evac.results.tables import AT
+from evac.results.tables import AT, WAITED
 from evac.simulation.assembly import providers
 from evac.simulation.simulation import Simulation
 from evac.study.points import STEP
@@ -181,9 +181,8 @@ def hold_up_of(study: "Study", point: int) -> str:
         own = {at: numbers["queues", at, "people"] * numbers["queues", at, "mean wait [s]"] for at in places}
         for at in (at for at in places if not is_little(own[at], numbers["queues", at, "people"])):
             waited.setdefault(at, []).append(own[at])
-        if any(table == "congestion" for table, *_ in numbers):
-            share = numbers["queues", places[0], "share of all waiting [%]"] / 100.0 if places else 1.0
-            recorded.append(own[places[0]] / share if places else 0.0)
+        if ("outcomes", WAITED, "number") in numbers:
+            recorded.append(numbers["outcomes", WAITED, "number"])
     if not recorded or not waited:
         return "Little waiting in every run" if recorded else ""
     most = max(waited, key=lambda at: sum(waited[at]))

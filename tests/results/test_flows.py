@@ -65,7 +65,13 @@ def test_people_from_stairs_and_from_the_floor_merge_in_a_row_of_the_tables():
     people = [{"name": f"on {one}", "level": one, "number": 6, "radius": 0.2} for one in ("first", "second")]
     people = [one | {"exits": ["out"]} for one in people]
     at_once = {"behaviours": {"response_time": {"time": 0.0}}}
-    back = {"name": "turns back", "positions": [[4.0, 4.6]], "level": "first", "exits": ["roof"], "radius": 0.2} | at_once
+    back = {
+        "name": "turns back",
+        "positions": [[4.0, 4.6]],
+        "level": "first",
+        "exits": ["roof"],
+        "radius": 0.2,
+    } | at_once
     turns = {"time": 3.0, "kind": "strategy", "target": "turns back", "value": ["out"]}
     late = {"response_time": {"time": {"uniform": [0.0, 20.0]}}}
     table = {"building": plan, "people": [*people, back], "event": [turns], "behaviours": late}
