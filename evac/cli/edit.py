@@ -4,6 +4,7 @@ import argparse
 from contextlib import suppress
 from pathlib import Path
 
+from evac.cli.inputs import declare_plugin
 from evac.cli.screen import note, say, show_facts
 
 
@@ -13,6 +14,7 @@ def declare_edit(parser: argparse.ArgumentParser) -> None:
     what += "; without it, the page asks what to begin with, and makes a case in the current folder"
     parser.add_argument("case", metavar="CASE|PLAN", type=Path, nargs="?", help=what)
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder of runs (default: ./CASE-result)")
+    declare_plugin(parser)
     parser.add_argument("--no-browser", action="store_true", help="print the address of the page, and open no browser")
 
 
@@ -29,7 +31,9 @@ def execute_edit(arguments: argparse.Namespace) -> int:
         plan = {} if server.session is None else {"plan": server.session.file}
         show_facts({**plan, "address": server.address})
 
-    with Server(None if arguments.case is None else Session(arguments.case, arguments.out), told=tell) as server:
+    plugins = [*map(Path, arguments.plugins)]
+    session = None if arguments.case is None else Session(arguments.case, arguments.out, plugins)
+    with Server(session, told=tell) as server:
         tell(server)
         note("Ctrl-C ends; so does closing the page, after some time")
         with suppress(KeyboardInterrupt):

@@ -24,8 +24,8 @@ NAME = re.compile(r"\w[\w-]{0,39}")
 class Designs:
     """Studies of a case: that of a design is in ``CASE-runs-NAME``; that in ``CASE-runs`` is of `evac repeat`."""
 
-    def __init__(self, case_file: Path, folder: Path) -> None:
-        self.case_file, self.folder = case_file, folder.absolute()
+    def __init__(self, case_file: Path, folder: Path, plugins: Sequence[Path] = ()) -> None:
+        self.case_file, self.folder, self.plugins = case_file, folder.absolute(), plugins
         locks = self.folder.parent.glob(f"{self.folder.name}*.lock")
         going_on = [lock.with_suffix("") for lock in locks if holder_here(lock) is not None]
         self._command = Command(going_on[0] if going_on else self.folder)
@@ -43,8 +43,8 @@ class Designs:
         if self._command.holder() is not None:
             raise ResultError(f"{self._command.folder}: is being written; wait until this has ended, or stop it")
         self._command.close()
-        self._command = command = Command(self.folder.with_name(f"{self.folder.name}-{name}"))
-        more = ["--resume"] if (command.running / STUDY_NAME).is_file() else []
+        self._command = command = Command(self.folder.with_name(f"{self.folder.name}-{name}"), self.plugins)
+        more = [*command.options, *(["--resume"] if (command.running / STUDY_NAME).is_file() else [])]
         command.start("repeat", str(self.case_file), "--out", str(command.folder), "--runs", str(runs), *more)
 
     def stop(self) -> None:

@@ -2,7 +2,7 @@
 
 import base64
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,25 +27,29 @@ from evac.simulation.assembly import make_building, read_storeys
 
 
 def judge(
-    file: Path, case_file: Path | None, table: Mapping[str, Any] | None, content: Mapping[str, Any] | None
+    file: Path,
+    case_file: Path | None,
+    table: Mapping[str, Any] | None,
+    content: Mapping[str, Any] | None,
+    plugins: Sequence[Path] = (),
 ) -> dict[str, Any]:
     """Return the findings about a plan as `evac check` numbers them, and the building for the page if there is one.
 
     `file`: where the plan is; `case_file`: the case that uses it, and `content`: what is in it. Without a `table` the
-    building of the case is no plan.
+    building of the case is no plan. `plugins`: files of plugins besides the installed ones.
     """
     start, told, building = time.perf_counter(), list[Finding](), None
     case, options = None, BuildingOptions()
     try:
         if case_file is not None and content is not None:
-            case = case_from(content, case_file)
+            case = case_from(content, case_file, plugin_files=plugins)
             options = case.building
     except EvacError as error:
         told += findings_of(error, case_file)
     try:
         if table is not None:
             plan = plan_of(table, file, file.parent, "building.plan." if file == case_file else "")
-            registry = Registry() if case is None else case.registry
+            registry = Registry(plugins) if case is None else case.registry
             building = build_building(read_storeys(plan, registry).surface(), file, options, need_exit=False)
             told += [*building.findings, *check_exits(building)]
         elif case is not None:

@@ -94,5 +94,5 @@ def edit(source: Plan | Case | str | Path, result: str | Path | None = None) -> 
         file = Path(tempfile.mkdtemp()) / f"plan{PLAN}"
         source.write(file)
         source = file
-    place = source.source if isinstance(source, Case) else Path(source)
-    return Page(Session(place, None if result is None else Path(result)))
+    place, plugins = (source.source, source.loaded_files) if isinstance(source, Case) else (Path(source), ())
+    return Page(Session(place, None if result is None else Path(result), plugins))

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +33,9 @@ class Command:
     A later `evac edit` finds one that goes on by the lock of its folder.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder.absolute()
+    def __init__(self, folder: Path, plugins: Sequence[Path] = ()) -> None:
+        self.folder, self.plugins = folder.absolute(), plugins
+        self.options = [f"--plugin={path}" for path in plugins]
         self.running = running_beside(self.folder)
         self._lock = self.folder.with_name(f"{self.folder.name}.lock")
         self._place = tempfile.TemporaryDirectory()
@@ -91,8 +93,8 @@ class Command:
 class Runner(Command):
     """Starts and stops `evac run` and `evac report`, and tells what is in their folder, whoever has written it."""
 
-    def __init__(self, case_file: Path, plan_file: Path | None, folder: Path) -> None:
-        super().__init__(folder)
+    def __init__(self, case_file: Path, plan_file: Path | None, folder: Path, plugins: Sequence[Path] = ()) -> None:
+        super().__init__(folder, plugins)
         self.case_file, self._sources = case_file, [case_file, *([plan_file] if plan_file is not None else [])]
         self._trajectory: Trajectory | None = None
         self._first: tuple[float, Progress] | None = None  # when it was seen [s], and what
@@ -101,8 +103,8 @@ class Runner(Command):
     def begin(self, command: str) -> None:
         """Start ``run`` on the case, or ``report`` on its result."""
         self._trajectory = self._first = None
-        arguments = {"run": [str(self.case_file), "--out", str(self.folder)], "report": [str(self.folder)]}[command]
-        self.start(command, *arguments)
+        run = [str(self.case_file), "--out", str(self.folder), *self.options]
+        self.start(command, *{"run": run, "report": [str(self.folder)]}[command])
 
     def file(self, name: str) -> bytes | None:
         """Return a file of the result that the page links to, if evac has written it."""
@@ -157,4 +159,4 @@ class Runner(Command):
     def _duration(self) -> float:
         if self._first is not None:
             return self._first[1].duration
-        return float(load_case(self.case_file).simulation.duration)
+        return float(load_case(self.case_file, plugin_files=self.plugins).simulation.duration)

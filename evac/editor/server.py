@@ -187,7 +187,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _copied(self, session: Session, folder: str, table: dict[str, Any]) -> dict[str, Any]:
         """Go on with a copy at another address, so that no other page takes it for what it was."""
-        self.server.go_on_with(Session(session.copied(table, new_folder(folder))))
+        self.server.go_on_with(Session(session.copied(table, new_folder(folder)), plugins=session.plugins))
         session.close()
         session.journal.unlink(missing_ok=True)
         return {"address": self.server.address}

@@ -6,7 +6,7 @@ import json
 import queue
 import shutil
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import suppress
 from functools import partial
@@ -59,6 +59,8 @@ class Session:
         A case, a folder with one, or a plan file.
     result : Path, optional
         Result folder of runs of the case; by default that of `evac run`.
+    plugins : sequence of Path
+        Files of plugins, which are executed; those that the case names are executed by runs only.
 
     Raises
     ------
@@ -66,25 +68,27 @@ class Session:
         There is no such file, or it is not valid.
     """
 
-    def __init__(self, source: Path, result: Path | None = None) -> None:
+    def __init__(self, source: Path, result: Path | None = None, plugins: Sequence[Path] = ()) -> None:
         self.case_file: Path | None = None
-        self.registry = Registry()
+        self.plugins = [path.absolute() for path in plugins]
+        self.registry = Registry(self.plugins)
         self._floors: list[dict[str, Any]] | None = None  # of a building that is no plan, which is not drawn
         self.runner: Runner | None = None
         self.designs: Designs | None = None
         if source.name.lower().endswith(PLAN):
             self.file, self.title = source.resolve(), source.name
         else:
-            case = load_case(source)
+            case = load_case(source, plugin_files=self.plugins, registry=self.registry)
             self.case_file = self.file = case.source
-            self.title, self.registry = case.title or case.name, case.registry
+            self.title = case.title or case.name
             if case.mesh is not None and case.mesh.name.lower().endswith(PLAN):
                 self.file = case.mesh.resolve()
             elif case.building.plan is None:
                 self._floors = floors_of(make_building(case))
             result = result or Path(f"{case.name}-result")
-            self.runner = Runner(case.source, case.mesh, result)
-            self.designs = Designs(case.source, result.with_name(f"{result.name.removesuffix('-result')}-runs"))
+            self.runner = Runner(case.source, case.mesh, result, self.plugins)
+            runs = result.with_name(f"{result.name.removesuffix('-result')}-runs")
+            self.designs = Designs(case.source, runs, self.plugins)
         self.told: dict[str, Any] = {"run": {"phase": "none"}, "designs": {"designs": []}}  # last
         self.pictures = Pictures(self.file)
         self.journal = self.file.with_name(self.file.name + JOURNAL)
@@ -296,7 +300,9 @@ class Session:
             plan = {key: value for key, value in table.items() if key != "case"}
             case = None if self.case_file is None else contents[self.case_file]
             drawn = plan if self._floors is None else None
-            found: dict[str, Any] = plain(self._pool.submit(judge, self.file, self.case_file, drawn, case).result())
+            found: dict[str, Any] = plain(
+                self._pool.submit(judge, self.file, self.case_file, drawn, case, self.plugins).result()
+            )
             texts, _ = self._read()
             return found | {"difference": _difference(texts, self._patched(texts, table))}
         except EvacError as error:

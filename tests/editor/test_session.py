@@ -18,8 +18,8 @@ def opened():
     """A function that opens a plan."""
     sessions = []
 
-    def opening(path):
-        sessions.append(Session(path))
+    def opening(path, **options):
+        sessions.append(Session(path, **options))
         return sessions[-1]
 
     yield opening
@@ -54,6 +54,33 @@ def test_only_the_changed_line_of_the_file_changes(house, opened):
     ]
     assert "width = 1.4" in saved["difference"]
     assert session.document()["digest"] == saved["digest"]
+
+
+def test_a_plugin_has_a_form_is_judged_and_is_run(house, opened, eventually, monkeypatch):
+    monkeypatch.chdir(house.parent)
+    (house.parent / "hurry.py").write_text(
+        "from evac import Behaviour, Parameter\n"
+        "evac_interface = 3\n"
+        "class Hurry(Behaviour):\n"
+        "    name = 'hurry'\n"
+        "    writes = ('speed_factor',)\n"
+        "    factor = Parameter(2.0, 'factor of speeds', maximum=3.0)\n"
+        "    def act(self, crowd, time):\n"
+        "        crowd.speed_factor *= self.factor\n"
+    )
+    session = opened(house, plugins=[Path("hurry.py")])
+    assert "hurry" in session.forms()["schema"]["properties"]["behaviours"]["properties"]
+    found = session.document()
+    table = copy.deepcopy(found["table"])
+    table["case"]["behaviours"]["hurry"] = {"factor": 4.0}
+    assert "behaviours.hurry.factor" in judged(session, table)["findings"][0]["text"]
+    table["case"]["behaviours"]["hurry"] = {"factor": 3.0}
+    assert judged(session, table, 2)["errors"] == 0
+    table["case"]["simulation"]["duration"] = 1.0
+    session.save(table, found["digest"])
+    session.orders({})["run"]()
+    eventually(lambda: session.runner.state()["phase"] == "ended")
+    assert session.runner.state()["answer"]
 
 
 def test_the_plan_in_a_case_is_edited_in_the_case(fire, opened):
