@@ -6,7 +6,7 @@ import numpy as np
 
 from evac.base.arrays import FloatArray, IndexArray, IntArray
 from evac.directions.fields import PackedFields
-from evac.directions.march.waves import CUT, JAM, NOBODY, deposit
+from evac.directions.march.waves import CUT, JAM, average, deposit
 from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid
 
 #: Least share of a kernel on the floor by which a density is divided, so that a narrow place is not taken for full.
@@ -77,14 +77,9 @@ class Kernels:
             if not occupied & {grid.level, *(level for level, _, _ in behind)} and not own.any():
                 continue
             crowded.add(grid.level)
-            now = present[grid.packed].copy()
             for _, halo, nodes in behind:
-                now[nodes] += present[halo]
-            now *= self._weight[grid.packed]
-            now -= own
-            now *= gain
-            own += now
-            own[own < NOBODY * 1e-3] = 0.0
+                present[nodes] += present[halo]
+            average(grid.packed.start, grid.packed.stop, present, self._weight, gain, density)
         return crowded
 
 
@@ -94,7 +89,7 @@ def gain_of(period: float, memory: float) -> float:
 
 
 def _behind_portals(grids: BuildingGrids, grid: LevelGrid) -> list[tuple[int, IndexArray, IndexArray]]:
-    """Return the levels behind the portals of a level, with the nodes of their halos, and the level's own nodes there.
+    """Return the levels behind the portals of a level, with the nodes of their halos, and its own nodes there.
 
     The kernels of people close behind a portal reach into its halo on their own level.
     """
@@ -102,7 +97,7 @@ def _behind_portals(grids: BuildingGrids, grid: LevelGrid) -> list[tuple[int, In
     for portal in grids.portals_of(grid.level):
         there = grids.levels[portal.other(grid.level)]
         halo = np.flatnonzero(there.sheet == 1 + portal.index)
-        rows.append((there.level, there.offset + halo, there.source.ravel()[halo] - grid.offset))
+        rows.append((there.level, there.offset + halo, there.source.ravel()[halo]))
     return rows
 
 

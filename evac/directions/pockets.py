@@ -6,10 +6,12 @@ about without leaving the floor, or what is left between such parts. Parts that 
 are pockets, and so are parts that are so once these are removed.
 """
 
+from functools import partial
+
 import numpy as np
 
 from evac.base.arrays import BoolArray, IndexArray
-from evac.directions.raster.grids import BuildingGrids
+from evac.directions.raster.grids import BuildingGrids, Shared
 from evac.directions.raster.masks import grown, parts_of
 
 #: Half of the width up to which a passage is a narrow place [m].
@@ -69,15 +71,24 @@ def _parts(grids: BuildingGrids, joins: BoolArray) -> IndexArray:
     """Return the part (nodes,) of each node of a march, -1 for other nodes."""
     part = np.full(grids.size, -1, np.int64)
     reach = round(REACH / grids.lattice.spacing)
-    number = 0
+    number, shared = 0, Shared()
     for grid in grids.levels:
         nodes = joins[grid.packed].reshape(grid.window.shape)
-        wide = grown(~grown(~nodes, reach), reach)
-        for some in (wide, nodes & ~wide):
-            component = parts_of(some)
-            part[grid.packed][some.ravel()] = number + component
-            number += int(component.max(initial=-1)) + 1
+        own: IndexArray = shared.get(partial(_parts_on, nodes, reach), nodes.tobytes(), nodes.shape)
+        part[grid.packed] = np.where(own >= 0, number + own, -1)
+        number += int(own.max(initial=-1)) + 1
     return part
+
+
+def _parts_on(nodes: BoolArray, reach: int) -> IndexArray:
+    """Return the part of each node of a mask (nx, ny), -1 for those that are not marked."""
+    wide = grown(~grown(~nodes, reach), reach)
+    part, number = np.full(nodes.shape, -1, np.int64), 0
+    for some in (wide, nodes & ~wide):
+        component = parts_of(some)
+        part[some] = number + component
+        number += int(component.max(initial=-1)) + 1
+    return part.ravel()
 
 
 def _connections(grids: BuildingGrids, part: IndexArray, beside: IndexArray, twin: IndexArray) -> IndexArray:

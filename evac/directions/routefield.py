@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Set
 from copy import copy as shallow_copy
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -26,7 +27,7 @@ from evac.directions.lengths import (
 )
 from evac.directions.march.waves import APART, FAR, FINAL, MarchState, find_speeds, march_waves
 from evac.directions.pockets import Pockets
-from evac.directions.raster.grids import OWN, BuildingGrids, lead_through_doors
+from evac.directions.raster.grids import OWN, BuildingGrids, Shared, lead_through_doors
 from evac.directions.raster.masks import grown, nearest_marked
 from evac.directions.raster.strips import chain
 from evac.directions.routes import Route
@@ -110,7 +111,8 @@ class RouteField(Saved):
         self.stale: set[int] = set()
         self._at_once = self.waves.jump_time.copy()
         self._halos = [np.flatnonzero(grids.is_ground(grid) & (grid.sheet != OWN)) for grid in grids.levels]
-        self._fills = [self._fill_of(level, joins, base) for level in range(len(grids.levels))]
+        shared = Shared()
+        self._fills = [self._fill_of(level, joins, base, shared) for level in range(len(grids.levels))]
         jumps = np.zeros(grids.size, np.bool_)  # whose nodes belong to no pocket
         jumps[self.waves.jump_start] = jumps[self.waves.jump_end] = True
         self._pockets = Pockets(grids, joins, starts | (jumps & joins), ways.source, ways.twin)
@@ -224,7 +226,7 @@ class RouteField(Saved):
             place=np.zeros(grids.size, np.int32),
         )
 
-    def _fill_of(self, level: int, joins: BoolArray, base: FloatArray) -> tuple[IndexArray, IndexArray]:
+    def _fill_of(self, level: int, joins: BoolArray, base: FloatArray, shared: Shared) -> tuple[IndexArray, IndexArray]:
         """Return the nodes of a level that are not marched, and for each the node whose direction it takes."""
         grid = self._grids.levels[level]
         sheet, source = grid.sheet.ravel(), grid.source.ravel()
@@ -246,7 +248,8 @@ class RouteField(Saved):
             to.append(grid.offset + np.flatnonzero(cut))
             from_.append(source[np.ravel_multi_index(nearest_marked(leads, cut), shape)])
         if known.any():
-            nearest = nearest_marked(known.reshape(shape), missing.reshape(shape))
+            masks = known.reshape(shape), missing.reshape(shape)
+            nearest = shared.get(partial(nearest_marked, *masks), *(mask.tobytes() for mask in masks), shape)
             to.append(grid.offset + np.flatnonzero(missing))
             from_.append(grid.offset + np.ravel_multi_index(nearest, shape))
         return np.concatenate(to), np.concatenate(from_)

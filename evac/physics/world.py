@@ -38,7 +38,7 @@ def make_world(building: Building, fields: Fields) -> World:
             link_from[number] = origin
     wall_level = np.concatenate([building.wall_level, door_level, link_level]).astype(np.int32)
     # Only people on levels at most two portals apart can touch each other.
-    neighbours = np.eye(len(building.levels), dtype=np.int64)
+    neighbours = np.eye(len(building.levels), dtype=np.float32)  # products of floats take much less time
     for portal in building.portals:
         neighbours[portal.levels, portal.levels[::-1]] = 1
     linked = (neighbours @ neighbours > 0).astype(np.uint8)

@@ -574,8 +574,12 @@ class Lifts(Saved):
             nearest, _, outward = nearest_points(door.segments, crowd.position[rows], crowd.contact_radius[rows])
             back = outward if door.levels[1] == lobby.level else -outward  # away from the car
             towards = nearest - crowd.position[rows]
-            across = np.abs(towards[:, 0] * back[:, 1] - towards[:, 1] * back[:, 0])
-            towards += np.where(across > ASIDE, AHEAD, 0.0)[:, None] * back  # round the posts of another door
+            off = -(towards * back).sum(axis=1)[:, None]
+            sideways = towards + off * back
+            across = np.hypot(*sideways.T)[:, None]
+            # Past the posts of other doors, and first out of the niche of such a door, in which bodies are wedged.
+            sideways *= np.where(off < AHEAD, ASIDE / np.maximum(across, ASIDE), 1.0)
+            towards = np.where(across > ASIDE, sideways + (AHEAD - off) * back, towards)
             crowd.extra_direction[rows] = LEAD * towards / np.maximum(np.hypot(*towards.T), 1e-9)[:, None]
             self._is_led[rows] = True
 

@@ -356,6 +356,20 @@ def test_smoke_in_a_lobby_recalls_a_lift():
         Simulation(case(plan, [group(1, "s1")], event=[event]))
 
 
+def test_who_stands_in_the_niche_of_another_door_walks_round_its_posts_to_the_car_that_comes():
+    plan = evac.Plan()
+    for k in range(2):
+        plan.storey(f"s{k}", box(0, 0, 10, 20), z=4.0 * k)
+    plan.exit("door", "s0", [(0, 2), (0, 4)])
+    for car, y in enumerate((18.0, 2.0)):
+        door, ground = [(10.2, y - 0.55), (10.2, y + 0.55)], box(10.2, y - 0.8, 11.6, y + 0.8)
+        plan.lift(f"lift {car}", ["s0", "s1"], ground, door, operation={"bank": "cars"})
+    person = {"name": "one", "positions": [[10.05, 2.3]], "level": "s1", "radius": 0.15, "lifts": "preferred"}
+    simulation = watched(Simulation(case(plan, [person])))
+    assert simulation.ended == "everybody out"
+    assert simulation.lifts.trips[:, 0].tolist() == [0.0]  # the first car that came, not another one after it
+
+
 def test_who_is_too_heavy_for_a_car_lets_the_others_pass_and_who_is_for_all_is_named_before_the_run():
     heavy = {"name": "heavy", "level": "s1", "mass": 200.0, "positions": [[9.6, 3.0]], "lifts": "preferred"}
     others = group(4, "s1", mass=70.0)

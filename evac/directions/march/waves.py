@@ -92,6 +92,17 @@ def deposit(fields: PackedFields, first: Longs, position: Pairs, level: Ints, wi
                 ratio *= change
 
 
+@kernel
+def average(first: int, stop: int, now: Floats, weight: Floats, gain: float, density: Floats) -> None:
+    """Average the densities (nodes,) of the nodes `first` to `stop` with the sums of kernels `now` times their weights.
+
+    `gain` is the weight of the density now.
+    """
+    for node in range(first, stop):
+        mean = density[node] + gain * (now[node] * weight[node] - density[node])
+        density[node] = 0.0 if mean < NOBODY * 1e-3 else mean
+
+
 @inner
 def speed_at(density: float, floor: float) -> float:
     """Return the relative speed at a density: that of Weidmann, and above the density of the greatest flow, that flow.
