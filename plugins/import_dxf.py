@@ -185,14 +185,10 @@ class DxfImporter(Importer):
         drawn = [line for shape in shapes for line in _drawn(shape, unit, self.deviation, CLOSED)]
         if not has_floor and not any(one.use == "walls" for one in drawn):
             drawn = _with_walls(plan, drawn)
-        without = Counter[str]()
-        for (layer, _), number in left_out.items():
-            without[layer] += number
+        without = Counter(layer for layer, _ in left_out.elements())
         for (layer, use), number in sorted(Counter((one.layer, one.use) for one in drawn).items()):
-            element, text = (
-                f"layer {layer!r}",
-                f"layer {layer!r}: {counted(number, 'line')} taken as {use or 'nothing'}",
-            )
+            element = f"layer {layer!r}"
+            text = f"{element}: {counted(number, 'line')} taken as {use or 'nothing'}"
             plan.note("found", text, element=element, number=number + without.pop(layer, 0))
             if not use:
                 plan.note("left out", f"{text}, since its name is not known", element=element, number=number)
@@ -361,9 +357,8 @@ class DxfImporter(Importer):
         leaves = [side for one in drawn if not one.is_curve and one.use != "stairs" for side in one.sides]
         small = {id(arc) for arc, swing in swung if swing.radius <= LARGEST_SWING}
         doors, swings = doors_of(swings, [one.line for one in (*walls, *panes) if id(one) not in small], leaves)
-        lost = [
-            pair for pair in swung if pair[0].use == "doors" and not any(pair[1].ends is one.ends for one in swings)
-        ]
+        hung = [id(swing.ends) for swing in swings]
+        lost = [(arc, swing) for arc, swing in swung if arc.use == "doors" and id(swing.ends) not in hung]
         treads = [flight.ground.buffer(CLOSED) for flight in _flights_in(drawn)]
         swept = shapely.union_all([*(swing.sector.buffer(LEAF) for swing in swings), *treads])
         shapely.prepare(swept)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from evac.base.defaults import FARTHEST
 from evac.base.parameters import Parameter
 from evac.building.importer import Importer, optional_library
 from evac.building.model.findings import Finding
@@ -71,8 +72,6 @@ CAPACITY, LOAD = ("CapacityByNumber", "CapacityPeople"), ("CapacityByWeight", "C
 STAIRWELL = re.compile("stair|trepp|escal|scala")
 #: Longest name that is used unchanged.
 LONGEST = 30
-#: Largest coordinate of an undamaged file [m].
-FARTHEST = 1e8
 
 
 class IfcImporter(Importer):

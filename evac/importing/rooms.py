@@ -22,6 +22,10 @@ from evac.people.starts import divided, left_out
 LEAST_WIDTH = 0.5
 #: Greatest distance of an opening from the outline of its level [m].
 REACH = 0.05
+#: Greatest width of a way through a wall [m].
+WIDEST_WAY = 3.0
+#: Distance from a way at which the wall beside it is looked for [m].
+ASIDE = 0.2
 #: Greatest thickness of a wall between two rooms [m].
 THICKEST = 1.0
 #: Relative positions along a wall at which ground behind it is searched.
@@ -77,11 +81,13 @@ def find_openings(building: Building, given: Sequence[tuple[str, ArrayLike]]) ->
 
 
 def _is_way(ground: shapely.Geometry, segment: FloatArray) -> bool:
-    """Return whether an outer edge, with the ground on its left, is between the sides of a way through a wall."""
-    ends, step = segment.reshape(2, 2), (segment[2:] - segment[:2]) / np.hypot(*(segment[2:] - segment[:2]))
-    beside, inward = ends + REACH * np.stack([-step, step]), np.array([-step[1], step[0]])
-    at_wall, in_room = (shapely.intersects_xy(ground, beside + depth * inward) for depth in (REACH, THICKEST))
-    return bool(in_room.all() and not at_wall.any())
+    """Return whether an outer edge, with the ground on its left, is as wide as a way through a wall, and in one."""
+    ends, width = segment.reshape(2, 2), float(np.hypot(*(segment[2:] - segment[:2])))
+    step = (ends[1] - ends[0]) / width
+    beside = ends + ASIDE * np.stack([-step, step])
+    rays = shapely.linestrings(np.stack([beside, beside + THICKEST * np.array([-step[1], step[0]])], axis=1))
+    depth = shapely.distance(shapely.intersection(rays, ground), shapely.points(beside))  # NaN without ground
+    return width <= WIDEST_WAY and bool(depth.min() > REACH and np.ptp(depth) < REACH)
 
 
 def _outer(building: Building) -> list[tuple[int, FloatArray]]:
@@ -152,7 +158,8 @@ def fill(
         if area.level in enclosures and (area.polygon & enclosures[area.level]).area > STAIRWELL * area.polygon.area
     }
     used = [room for room in rooms if room.level in open_levels and room.name not in stairwells]
-    closed = [replace(room, number=0) for room in rooms if room not in used]
+    names = {(room.key, room.name) for room in used}
+    closed = [replace(room, number=0) for room in rooms if (room.key, room.name) not in names]
     if people is None:
         held = {(room.key, room.name): max(density * room.ground, 1.0) for room in used}
         held |= {("level", room.name): 0.0 for room in used if stated}

@@ -27,13 +27,13 @@ with TABLE.open(encoding="utf-8") as file:
 OPTIONS = {
     "aknz_evac.wkt": {"exits": [1]},
     "bjnortier_floorplan.dxf": {"exits": [1]},
-    "caserne.geojson": {"exits": [1, 3, 4, 5, 7]},
+    "caserne.geojson": {"exits": [3, 5, 6, 7, 9]},
     "constructiq_house_plan.dxf": {"exits": [6], "options": {"plan": "1"}},
     "corner_with_shortcut.wkt": {"exits": [5]},
     "double_bottleneck.wkt": {"exits": [3]},
     "imdf_unit.geojson": {"exits": [1, 3, 4]},
     "office_rooms.wkt": {"exits": [11]},
-    "westport-1.geojson": {"exits": [1, 2, 3, 4]},
+    "westport-1.geojson": {"exits": [15, 16, 17, 18]},
     "wrld3d_cad.dxf": {"exits": [1]},
 }
 #: Nothing in them can be walked to an exit.

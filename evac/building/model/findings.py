@@ -2,6 +2,7 @@
 
 import itertools
 import re
+from bisect import bisect_left
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -28,9 +29,12 @@ def repaired(name: str) -> str:
 
 
 def numbered(name: str, taken: Container[str]) -> str:
-    """Return the name, or if it is taken the name with the lowest free number from 2 on: ``door (2)``."""
-    further = (f"{name} ({number})" for number in itertools.count(2))
-    return next(own for own in itertools.chain([name], further) if own not in taken)
+    """Return the name, or if it is taken the name with the first free number from 2 on: ``door (2)``."""
+    if name not in taken:
+        return name
+    most = next(2**power for power in itertools.count(1) if f"{name} ({2**power})" not in taken)
+    number = bisect_left(range(most), True, lo=2, key=lambda one: f"{name} ({one})" not in taken)
+    return f"{name} ({number})"
 
 
 #: Kinds of findings, the worst first. Errors refuse the building; warnings are shown at every run, the others when a
