@@ -24,9 +24,11 @@ def track_of(*people):
     return Track(TICK * np.arange(len(place)), place, level, np.full(len(people), np.nan))
 
 
-def moments_of(*people):
-    world = make_world(make_building(), uniform_fields())
-    crowd = make_crowd([place[0] for place, _ in people], speed=1.0, radius=0.2)
+def moments_of(*people, tau=0.5):
+    """Return the moments of people on three levels, of which the first two are joined by a portal."""
+    building = make_building(3 * [(-10.0, -10.0, 10.0, 10.0)], portals=[(0, 1, (0.0, -10.0, 0.0, 10.0))])
+    crowd = make_crowd([place[0] for place, _ in people], speed=1.0, radius=0.2, tau=tau)
+    world = make_world(building, uniform_fields(3))
     return measured_moments(track_of(*people), crowd, world)
 
 
@@ -43,12 +45,20 @@ def test_accelerations_and_turns_away_from_contacts_count():
     assert found["greatest speed of the desired one away [-]"] == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(("gap", "away"), [(0.09, 0), (0.2, 2)])
-def test_who_could_touch_within_a_tick_is_not_away_from_contacts(gap, away):
-    """At a relative speed of 1 m/s, somebody who is nearer than 0.1 m."""
-    found = moments_of(along(*SUDDEN), along(*[(0.0, 0.0)] * 4, start=(0.1, 0.4 + gap)))
+@pytest.mark.parametrize(("gap", "level", "away"), [(0.09, 0, 0), (0.09, 1, 0), (0.09, 2, 2), (0.2, 0, 2)])
+def test_who_could_touch_within_a_tick_is_not_away_from_contacts(gap, level, away):
+    """At a relative speed of 1 m/s, somebody who is nearer than 0.1 m, on the same level or through a portal."""
+    found = moments_of(along(*SUDDEN), along(*[(0.0, 0.0)] * 4, start=(0.1, 0.4 + gap), level=level))
     assert found["accelerations"] == 2
     assert found["accelerations away"] == away
+
+
+@pytest.mark.parametrize(("tau", "away"), [(0.1, 4), (0.3, 2), (1.0, 0)])
+def test_who_was_touched_is_away_from_contacts_after_the_relaxation_time(tau, away):
+    """One goes away from somebody who stands, and could touch it until the end of the first tick."""
+    found = moments_of(along(*[(0.0, 4.0)] * 8), along(*[(0.0, 0.0)] * 8, start=(0.0, -0.35)), tau=tau)
+    assert found["moments"] == 2 * 7
+    assert found["away from contacts"] == 2 * away
 
 
 def test_who_steps_over_a_portal_and_back_is_counted_with_the_way_beyond_it():

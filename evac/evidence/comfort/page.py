@@ -68,8 +68,8 @@ def measured_moments(track: Track, crowd: Crowd, world: World) -> Row:
     """Return the moments of people, and in how many of them acceleration, speed or turn are great.
 
     A moment is a person at a tick, with the ticks before and after it on the same level. It is away from contacts if
-    nobody and no wall are so near at these ticks that the two could touch within a tick, whatever the direction of
-    their relative velocity.
+    nobody and no wall are so near at these ticks, and for the relaxation time of the person before them, that the two
+    could touch within a tick, whatever the direction of their relative velocity.
     """
     moved = np.diff(track.position, axis=0)
     moved[track.level[1:] != track.level[:-1]] = 0.0
@@ -79,12 +79,9 @@ def measured_moments(track: Track, crowd: Crowd, world: World) -> Row:
     acceleration = np.hypot(change[..., 0], change[..., 1])
     is_apart = np.array([_apart(track, moved, k, crowd.contact_radius, world) for k in range(len(track.time))])
     counts = track.inside[1:-1] & (track.time[1:-1] > STARTED)[:, None]
-    away = counts.copy()
-    for first in range(3):
-        ticks = slice(first, len(track.time) - 2 + first)
-        counts &= track.level[ticks] == track.level[1:-1]
-        away &= is_apart[ticks]
-    away &= counts
+    counts &= (track.level[:-2] == track.level[1:-1]) & (track.level[2:] == track.level[1:-1])
+    touched = np.maximum.accumulate(np.where(is_apart, -np.inf, track.time[:, None]))
+    away = counts & (track.time[2:, None] - touched[2:] > 2.5 * track.tick + crowd.tau)
     turns = (velocity[:-1] * velocity[1:]).sum(axis=-1) < 0.0
     turns &= (speed[:-1] > SLOW) & (speed[1:] > SLOW)
     share = speed[1:] / crowd.speed[:, 0]
@@ -100,23 +97,28 @@ def measured_moments(track: Track, crowd: Crowd, world: World) -> Row:
 
 
 def _apart(track: Track, moved: FloatArray, k: int, radius: FloatArray, world: World) -> NDArray[np.bool_]:
-    """Return whether nobody and no wall can touch each person (n,) within a tick, from the way of the last one."""
+    """Return whether nobody and no wall can touch each person (n,) within a tick, also through a portal."""
+    who = np.flatnonzero(track.inside[k])
+    level, place = track.level[k], track.position[k]
+    apart: NDArray[np.bool_] = track.inside[k].copy()
+    if who.size == 0:
+        return apart
     way = moved[max(k - 1, 0)]
     length = np.hypot(way[:, 0], way[:, 1])
-    apart: NDArray[np.bool_] = track.inside[k].copy()
-    for level in np.unique(track.level[k][apart]):
-        who = np.flatnonzero(track.level[k] == level)
-        place = track.position[k, who]
-        reach = 2.0 * (radius[who].max() + length[who].max())
-        first, second = who[KDTree(place).query_pairs(reach, output_type="ndarray")].T
-        gap = np.hypot(*(track.position[k, first] - track.position[k, second]).T) - radius[first] - radius[second]
-        near = gap < np.hypot(*(way[first] - way[second]).T)
-        apart[first[near]] = apart[second[near]] = False
-        walls = world.wall[(world.wall_level == level) & (world.wall_open == 0)].reshape(-1, 2, 2)
-        reached = shapely.STRtree(shapely.linestrings(walls)).query(
-            shapely.points(place), predicate="dwithin", distance=radius[who] + length[who]
-        )[0]
-        apart[who[reached]] = False
+    joined = np.eye(len(world.cosine), dtype=bool)
+    portals = world.link_to >= 0
+    joined[np.repeat(np.arange(len(joined)), np.diff(world.link_start))[portals], world.link_to[portals]] = True
+    reach = 2.0 * (radius[who].max() + length[who].max())
+    first, second = who[KDTree(place[who]).query_pairs(reach, output_type="ndarray")].T
+    gap = np.hypot(*(place[first] - place[second]).T) - radius[first] - radius[second]
+    near = (gap < np.hypot(*(way[first] - way[second]).T)) & joined[level[first], level[second]]
+    apart[first[near]] = apart[second[near]] = False
+    is_wall = world.wall_open == 0
+    walls = shapely.STRtree(shapely.linestrings(world.wall[is_wall].reshape(-1, 2, 2)))
+    points, reached = shapely.points(place[who]), radius[who] + length[who]
+    person, wall = walls.query(points, predicate="dwithin", distance=reached)
+    touches = joined[level[who[person]], world.wall_level[is_wall][wall]]
+    apart[who[person[touches]]] = False
     return apart
 
 
