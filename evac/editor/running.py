@@ -123,7 +123,8 @@ class Runner(Command):
         if written != self._ended[0]:
             self._ended = written, self._outcome()
         changed = max((path.stat().st_mtime_ns for path in self._sources if path.exists()), default=0)
-        return self._ended[1] | {"is_old": changed > written[0]}
+        stopped = [line.removeprefix("evac: ") for line in self.lines() if line.startswith("evac: interrupted")]
+        return self._ended[1] | {"is_old": changed > written[0], "stopped": "".join(stopped)}
 
     def _files(self) -> list[str]:
         manifest = read_manifest(self.folder)
@@ -147,7 +148,8 @@ class Runner(Command):
             frame = trajectory[-1]
         except (EvacError, IndexError):  # nothing is recorded yet, or the folder of the run has just been renamed
             self._trajectory = None
-            return {"text": (self.lines() or ["starting"])[-1].removeprefix("evac: "), "people": {}}
+            begun = "starting" if self._first is None else "writing the results"
+            return {"text": (self.lines() or [begun])[-1].removeprefix("evac: "), "people": {}}
         out, duration = trajectory.out_at(len(trajectory) - 1), self._duration()
         now = Progress(frame["time"], duration, trajectory.number_of_people, out)
         seen, first = self._first = self._first or (time.perf_counter(), now)

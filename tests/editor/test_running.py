@@ -68,6 +68,7 @@ def test_a_run_is_found_again_and_stopped_by_another_one(house, runners, tmp_pat
     for runner in (first, second):
         assert awaited(runner, lambda state: state["phase"] != "running")["phase"] == "ended"
     assert (tmp_path / "result/checkpoint.evac").exists()
+    assert str(tmp_path / "result") in first.state()["stopped"]  # with the command that continues it
 
 
 def test_a_lock_that_a_killed_run_has_left_is_nobodys(runners, tmp_path):

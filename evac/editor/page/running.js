@@ -27,14 +27,14 @@ class Running {
 
   show(state) {
     const hasEnded = this.isOn && state.phase !== "running";
-    const { phase, text = "", answer = [], files = [], status = "none", when, people = {} } = state, first = answer[0] ?? text;
+    const { phase, text = "", answer = [], files = [], status = "none", when, stopped, people = {} } = state, first = answer[0] ?? text;
     this.state = state;
     for (const view of [this.view, this.view3d]) {
       view.people = people;
       view.draw();
     }
     by("run").textContent = this.isOn ? "Stop" : "Run";
-    by("run-text").textContent = { none: "Not run yet", running: text, failed: "The run has failed", ended: `Result of ${when}` }[phase];
+    by("run-text").textContent = { none: "Not run yet", running: text, failed: "The run has failed", ended: stopped ? `${capital(stopped)}. Result of ${when}:` : `Result of ${when}` }[phase];
     this.mark();
     by("run-verdict").className = phase === "failed" ? "error" : status;
     by("run-verdict").textContent = phase === "running" ? "" : first;
