@@ -26,7 +26,8 @@ STATES = {
     "picture": """editor.pictures.put = () => editor.pictures.show(), editor.pictures.all.ground =
         { at: [0, 0], width: 9, bitmap: new OffscreenCanvas(9, 9) }, editor.pictures.show(),
         editor.pictures.measure([[0, 0], [1, 1]])""",
-    "help": "document.getElementById('show-help').click()",
+    "save as": "document.getElementById('save-as').click()",
+    "help": "document.getElementById('copy-to').close(), document.getElementById('show-help').click()",
 }
 
 
