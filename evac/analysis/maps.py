@@ -167,7 +167,7 @@ def level_maps(
     ----------
     trajectory : Trajectory
     levels : iterable of str or int, optional
-        Names or indices of levels; by default all.
+        Names or indices of levels, with which the cars of lifts that stop there come; by default all.
     spacing : float [m]
         Side length of the cells.
     kernel_radius : float [m]
@@ -190,7 +190,7 @@ def level_maps(
         if not 0.0 < value < math.inf:
             raise ResultError(f"{name} of a map must be greater than 0, got {value!r}")
     building = trajectory.building
-    chosen = [building.level_at(level) for level in (range(len(building.levels)) if levels is None else levels)]
+    chosen = building.levels if levels is None else [one for level in levels for one in building.with_cars(level)]
     first, last = -math.inf if start is None else start, math.inf if end is None else end
     rows = np.flatnonzero((trajectory.time >= first) & (trajectory.time <= last))
     if not rows.size:

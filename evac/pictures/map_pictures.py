@@ -19,6 +19,7 @@ from matplotlib.transforms import Bbox
 from evac.analysis.lines import LineFlow
 from evac.analysis.maps import QUANTITIES, LevelMaps, level_maps
 from evac.base.arrays import FloatArray, IntArray
+from evac.base.change import LIFT
 from evac.building.model.building import Building
 from evac.folder.files import map_name, writing
 from evac.pictures import palette
@@ -58,7 +59,7 @@ def draw_map(
 ) -> Figure:
     """Draw the map of one quantity on the plans of the storeys, with links as they are at the end of its time.
 
-    The title names what changed during this time.
+    The title names what changed during this time, without the rides of lifts.
 
     Examples
     --------
@@ -87,11 +88,12 @@ def draw_maps(
     if maps is None:
         maps = level_maps(trajectory, levels)
     any_map = next(iter(maps.values()))
-    changes = ", ".join(str(change) for change in trajectory.changes if any_map.start < change.time <= any_map.end)
+    said = (change for change in trajectory.changes if change.kind != LIFT)  # the rides of cars are many
+    changes = ", ".join(str(change) for change in said if any_map.start < change.time <= any_map.end)
     changes = textwrap.shorten(f"; {changes}", MOST_SAID, placeholder=" ...") if changes else ""
     title = f"{trajectory.header.get('title', '')}\n" if has_title else None
     building = trajectory.building_at(any_map.end)
-    shown = None if levels is None else [[building.level_at(level)] for level in levels]
+    shown = None if levels is None else [building.with_cars(level) for level in levels]
     plans = draw_plans(building, title, shown, dpi=dpi, is_filled=False, greatest=greatest)
     nearest = {name: _nearest_cells(own) for name, own in maps.items()}
     lasting = set(_artists(plans))
