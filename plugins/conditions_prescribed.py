@@ -14,7 +14,7 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, naming
 from evac.base.parameters import did_you_mean
 from evac.building.model.elevation import elevation
-from evac.conditions.source import HOTTEST_START, QUANTITIES, ConditionSource, SourceScene
+from evac.conditions.source import HOTTEST_START, QUANTITIES, ConditionSource, SourceScene, gap_in
 
 #: Greatest size of a CSV file [bytes].
 MOST_BYTES = 50_000_000
@@ -143,4 +143,6 @@ def _parts_in(path: Path, levels: list[int], scene: SourceScene) -> list[_Part]:
         with naming(f"{path}: level {level!r}" if level else path):
             own = [known[level]] if level else levels
             parts.append(_part_of(scene, own, time, dict(zip(names, columns, strict=True))))
+            if gap := gap_in(time):
+                raise ScenarioError(f"{gap}; add the missing lines, or give times and values, which may be far apart")
     return parts

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import ScenarioError, check_regular
+from evac.conditions.source import gap_in
 
 #: Records of a slice file before the first time: three texts of 30 characters and six indices, each with its length
 #: before and after it. A time has a record with itself and one with the values.
@@ -22,8 +23,6 @@ HEADER = np.dtype(
     + [("c", "<i4"), ("bounds", "<i4", (6,)), ("d", "<i4")]
 )
 
-#: A span between two times is a gap if it is this many times the median, of at least so many spans.
-GAP, LEAST_SPANS = 10.0, 3
 
 _SLICE = re.compile(r"SLC([FC])\s+(\d+)\b.*?&((?:\s+\d{1,9}){6})(?:\s|$)")
 
@@ -240,13 +239,8 @@ def _times_in(path: Path, bounds: NDArray[np.int64], size: int) -> FloatArray:
         raise ScenarioError(
             f"{path}: time {frame + 1}, {times[frame]:g} s, is not later than the one before; run FDS again"
         )
-    spans = np.diff(times)
-    if len(spans) >= LEAST_SPANS and spans.max() > GAP * np.median(spans):
-        k = int(spans.argmax())
-        raise ScenarioError(
-            f"{path}: has no values between {times[k]:g} and {times[k + 1]:g} s, but otherwise every "
-            f"{np.median(spans):g} s; run FDS again with one DT_SLCF, or copy all of the file"
-        )
+    if gap := gap_in(times):
+        raise ScenarioError(f"{path}: {gap}; run FDS again with one DT_SLCF, or copy all of the file")
     return times
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
+
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, usable_path
 from evac.base.parameters import Configurable, did_you_mean
@@ -73,8 +75,20 @@ HEAD = 0.9
 #: Temperature that no fire begins with [C]; values in kelvin are above it.
 HOTTEST_START = 150.0
 
+#: A span between two times is a gap if it is this many times the median, of at least so many spans.
+GAP, LEAST_SPANS = 10.0, 3
+
 #: Times that differ by less are the same [s].
 AT_ONCE = 1e-6
+
+
+def gap_in(times: FloatArray) -> str:
+    """Return where recorded times (f,) [s] have a gap, in words; empty without one."""
+    spans = np.diff(times)
+    if len(spans) < LEAST_SPANS or spans.max() <= GAP * np.median(spans):
+        return ""
+    k, usual = int(spans.argmax()), np.median(spans)
+    return f"has no values between {times[k]:g} and {times[k + 1]:g} s, but otherwise every {usual:g} s"
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,7 @@ def test_a_csv_file_describes_levels_over_time(tmp_path):
         ("time,extinction\n0,1\ninf,2\n", ["times", "increase"]),
         ("time,smoke\n0,1\n", ["smoke", "no such quantity"]),
         ("time,level,extinction\n0,cellar,1\n", ["'cellar'", "level"]),
+        ("time,extinction\n0,1\n1,1\n2,1\n13,1\n", ["between 2 and 13 s", "every 1 s", "times and values"]),
         ("time,extinction\n0,\x001\n", ["line"]),
         ("\xff\xfe", ["UTF-8"]),
     ],
