@@ -60,7 +60,7 @@ def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> 
     margins = margins_section(run)
     sections: list[Section] = [
         building_section(run),
-        occupants_section(run.case_table, run),
+        occupants_section(run.case_table, run.building_or_none, {own.name: len(own.rows) for own in run.groups}, run),
         times_section(run),
         *([margins] if margins is not None else []),
         *([fire_section(run)] if run.conditions else []),

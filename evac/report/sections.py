@@ -19,7 +19,7 @@ from evac.base.change import Change, changes_in_words
 from evac.base.distributions import as_text
 from evac.base.errors import counted, in_order
 from evac.base.toml import case_text
-from evac.building.model.building import Building
+from evac.building.model.building import Area, Building
 from evac.building.model.links import states_of
 from evac.contract.hooks import BASES, DEFAULT_MOVEMENT
 from evac.people.starts import load_table
@@ -148,8 +148,10 @@ QUANTITIES = {
 }
 
 
-def occupants_section(case: CaseTable, run: Results | None) -> Section:
-    """Return the section on the occupants of a case, with what a run has drawn."""
+def occupants_section(
+    case: CaseTable, building: Building | None, sizes: Mapping[str, int], run: Results | None
+) -> Section:
+    """Return the section on the occupants of a case with the sizes of its groups, and what a run has drawn."""
     enabled = {name: values for name, values in case.behaviours.items() if values is not False}
     responses = []
     if run is not None:
@@ -158,11 +160,11 @@ def occupants_section(case: CaseTable, run: Results | None) -> Section:
     return section(
         "occupants",
         "Occupants and assumptions",
-        people=sum(_size(group, run) for group in case.people),
+        people=sum(sizes.values()),
         fire=bool(case.conditions),
-        groups=_groups(case, run),
-        uses=_uses(run),
-        characteristics=_characteristics(case, run),
+        groups=_groups(case, building, sizes),
+        uses=_uses(building, run),
+        characteristics=_characteristics(case, sizes, run),
         is_drawn=run is not None,
         behaviours=[(name, as_text(values)) for name, values in enabled.items()],
         settings=[
@@ -175,43 +177,41 @@ def occupants_section(case: CaseTable, run: Results | None) -> Section:
     )
 
 
-def _groups(case: CaseTable, run: Results | None) -> list[tuple[object, ...]]:
+def _groups(case: CaseTable, building: Building | None, sizes: Mapping[str, int]) -> list[tuple[object, ...]]:
     """Return name, number of people, start, density, exits and strategy of each group."""
-    building = run.trajectory.building if run and run.trajectory else None
     areas = {area.name: area.polygon.area for area in building.areas} if building else {}
 
     def row(group: GroupTable) -> tuple[object, ...]:
         size = None if group.arrive else areas.get(group.area or "")
-        density = fixed(group.size / size, 2) if size else None
+        density = fixed(sizes[group.name] / size, 2) if size else None
         ways = (", ".join(group.exits) or "any exit") if group.leave else "they stay"
         if group.leave and group.assembly:
             ways = f"assembly area {', '.join(group.assembly)}"
-        return group.name, _size(group, run), _start(group), density, ways, group.strategy
+        return group.name, sizes[group.name], _start(group), density, ways, group.strategy
 
     return [row(group) for group in in_order(case.people)]
 
 
-def _uses(run: Results | None) -> list[tuple[object, ...]]:
+def _uses(building: Building | None, run: Results | None) -> list[tuple[object, ...]]:
     """Return use, rooms, ground, people by the table of loads, people who start there, and source, of rooms by use."""
-    areas = [area for area in run.building_or_none.areas if area.use] if run and run.building_or_none else []
+    areas = [area for area in building.areas if area.use] if building else []
     rows = list[tuple[object, ...]]()
     for use in sorted({area.use for area in areas}):
         own, load = [area for area in areas if area.use == use], load_table().get(use, {})
-        assert run is not None
-        there = [
-            shapely.intersects_xy(room.polygon, *run.start_position.T) & (run.start_level == room.level) for room in own
-        ]
         ground, share = sum(room.polygon.area for room in own), load.get("ground")
         people = ground / share if share else 0.0
-        starts = int(np.logical_or.reduce(there).sum())
-        numbers = fixed(ground, 1), fixed(share, 1), fixed(people, 0), str(starts)
+        numbers = fixed(ground, 1), fixed(share, 1), fixed(people, 0), _starting(own, run)
         rows.append((use, len(own), *numbers, load.get("source", "no load is known for this use")))
     return rows
 
 
-def _size(group: GroupTable, run: Results | None) -> int:
-    """Return the number of people of a group: in a run, those who were drawn to arrive as well."""
-    return group.size if run is None else next(len(drawn.rows) for drawn in run.groups if drawn.name == group.name)
+def _starting(rooms: Sequence[Area], run: Results | None) -> str:
+    """Return the number of people of a run who start in some rooms."""
+    if run is None:
+        return ""
+    place, level = run.start_position.T, run.start_level
+    there = [shapely.intersects_xy(room.polygon, *place) & (level == room.level) for room in rooms]
+    return str(int(np.logical_or.reduce(there).sum()))
 
 
 def _start(group: GroupTable) -> str:
@@ -230,7 +230,7 @@ def _start(group: GroupTable) -> str:
     return f"arrive: {where}, {group.arrive.get('rate', 0.0):g} per second {span}"
 
 
-def _characteristics(case: CaseTable, run: Results | None) -> list[dict[str, Any]]:
+def _characteristics(case: CaseTable, sizes: Mapping[str, int], run: Results | None) -> list[dict[str, Any]]:
     """Return names, number of people and a row for each quantity of each set of groups with the same ones."""
     alike: dict[str, list[GroupTable]] = {}
     for group in in_order(case.people):
@@ -242,7 +242,7 @@ def _characteristics(case: CaseTable, run: Results | None) -> list[dict[str, Any
         rows.append(
             {
                 "names": ", ".join(group.name for group in groups),
-                "people": sum(_size(group, run) for group in groups),
+                "people": sum(sizes[group.name] for group in groups),
                 "rows": [
                     (what, unit, as_text(given.get(name)), *_drawn(run, groups, name, digits))
                     for name, (what, unit, digits) in QUANTITIES.items()

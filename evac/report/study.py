@@ -91,7 +91,7 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
     sections = [
         plan_section(building, (), summary.table.building),
         *([levels_section(building)] if building is not None else []),
-        occupants_section(summary.table, first),
+        occupants_section(summary.table, building, _sizes(study, summary.table), first),
         model_section(
             summary.table,
             summary.versions,
@@ -122,6 +122,13 @@ def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK
     results = _results(study, rows) | {"Walking": walking_of(summary.table, summary.keeps_distance)}
     head = Head(title, kind, verdict, _banner(study), results, picture)
     return page(head, labels.filled(summary.table.report), sections)
+
+
+def _sizes(study: Study, case: CaseTable) -> dict[str, int]:
+    """Return the numbers of people of the groups; of those that it does not state, those who leave in the first run."""
+    tables = next((row["tables"] for row in study.rows(0, ("tables",))), ())
+    told = {one["row"]: int(one["value"]) for one in tables if (one["table"], one["column"]) == ("groups", "people")}
+    return {group.name: group.size or told.get(group.name, 0) for group in case.people}
 
 
 def check_member(study: Study, case: Mapping[str, Any], run: Results) -> None:

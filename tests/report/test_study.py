@@ -47,8 +47,10 @@ def test_numbers_are_those_of_the_files(study):
 
 def test_a_study_carries_what_its_runs_carry(tmp_path):
     plan = two_storeys() | {"areas": [{"name": "r", "storey": "up", "polygon": [[0, 4], [12, 4], [12, 8], [0, 8]]}]}
+    room = [[6, 4], [12, 4], [12, 8], [6, 8]]
+    plan["rooms"] = [{"name": "room", "storey": "up", "polygon": room, "use": "office"}]
     people = [
-        {"name": "legs", "level": "up", "number": 4},
+        {"name": "legs", "use": "office"},
         {"name": "chair", "area": "r", "number": 1, "steepest": 0.1},
     ]
     case = corridor(
@@ -95,6 +97,8 @@ def test_a_study_carries_what_its_runs_carry(tmp_path):
     assert f"that of the runs is {apart} % more" in page.fact("Second opinion")
     assert page.fact("Walking") == runs[0].answer.movement
     assert page.fact("People at refuge 'safe'") == "1"
+    assert {row[0]: row[1] for row in page.table("Groups, their")[1:]} == {"chair": "1", "legs": "4"}
+    assert page.table("Rooms by use")[1][:5] == ["office", "1", "24.0", "6.0", "4"]
     what = [row[0] for row in page.table("events, safe places")[1:]]
     assert {"people at refuge 'safe'", "'r' at 0.9 of the speed, at [s]", "greatest dose"} <= set(what)
     assert "Fire, smoke, heat, toxic gas" not in page.text
