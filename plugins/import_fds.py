@@ -32,6 +32,8 @@ THINNEST = 0.05
 #: Least depth of a step [m], greatest area of a step or landing [m2], rise from one to the next [m] and gap between
 #: them [m], and least number of steps of a stair.
 STEP, LANDING, RISER, GAP, STEPS = 0.15, 10.0, (0.08, 0.26), 0.05, 3
+#: What a vent is on that is the side of a mesh.
+SIDE = re.compile(r"MB\s*=\s*.[XY](MIN|MAX)")
 #: Groups of FDS+Evac and of complex geometry that are not read.
 LEFT_OUT = {
     "CORR": "write the stair or passage between its doors and entrances as [[stairs]] or [[rooms]]",
@@ -84,12 +86,7 @@ class FdsImporter(Importer):
                 text = f"&{one.group} {one.name} (line {one.number}){to}{one.edge} is not read; {why}"
                 kind = "missing" if one.group in ("CORR", "STRS", "EVSS", "GEOM") else "left out"
                 plan.note(kind, text, element=f"&{one.group}")
-            elif (
-                one.group == "VENT"
-                and not len(one.box)
-                and re.search(r"MB\s*=\s*.[XY](MIN|MAX)", one.text)
-                and "OPEN" in one.text
-            ):
+            elif one.group == "VENT" and "OPEN" in one.text and not len(one.box) and SIDE.search(one.text):
                 side = "the ground up to there is read, although it may be outside of the building"
                 plan.note("warning", f"the meshes are open at a side (&VENT, line {one.number}): {side}")
         steps = _steps(of["OBST"])
@@ -304,9 +301,8 @@ def _floors(meshes: list[Line], obstructions: list[Line], holes: list[Line]) -> 
         & (np.ptp(boxes.reshape(-1, 3, 2)[:, :2], axis=2).min(axis=1) > 1.0)
     ]
     given = [z for z, _ in ground] if stated else [min(z for z, _ in ground)]
-    heights: list[
-        tuple[float, bool]
-    ] = []  # and whether it is the top of a slab, which is the floor of a mesh around it
+    # Each with whether it is the top of a slab, which is the floor of a mesh around it.
+    heights: list[tuple[float, bool]] = []
     for z, is_slab in sorted([*((z, False) for z in given), *((z, True) for z in slabs[:, 5].tolist())]):
         if not heights or z - heights[-1][0] > SAME:
             heights.append((z, is_slab))

@@ -105,17 +105,14 @@ class GeojsonImporter(Importer):
                 f"nor of {', '.join(PROFILES)}; give every feature a kind ({', '.join(KINDS)}) and a storey"
             )
         features = [_feature(number, item, profile) for number, item in enumerate(objects, start=1)]
-        rises = [_rises(_properties(item)) for item in objects]
-        solid = [row for row, one in enumerate(features) if one.kind == "storey" and rises[row]]
-        if not all(rises[row] for row, one in enumerate(features) if one.kind == "storey"):
-            for row in solid:
-                features[row] = replace(features[row], kind="obstacle")
-        else:
-            solid = []
         if not features:
             raise ValueError("the file contains no feature with a geometry")
         plan = Plan(path)
-        if solid:
+        ground = [row for row, one in enumerate(features) if one.kind == "storey"]
+        solid = [row for row in ground if _rises(_properties(objects[row]))]
+        if 0 < len(solid) < len(ground):
+            for row in solid:
+                features[row] = replace(features[row], kind="obstacle")
             text = f"{len(solid)} polygons that rise above the ground (height, base_height) are obstacles"
             plan.note("assumed", f"{text}, such as feature {features[solid[0]].number}")
         place = self._placing(plan, [feature.shape for feature in features], are_degrees=is_xml)
@@ -139,9 +136,9 @@ class GeojsonImporter(Importer):
             for kind, number in Counter(one.kind or "line" for one in features).items():
                 plan.note("found", f"{number} features of the kind {kind}", element=kind, number=number)
             self._add_storeys(plan, [one for one in features if one.kind in ("", *KINDS)])
-            ground = sum(one.shape.area for one in features if one.kind in GROUNDS)
+            area = sum(one.shape.area for one in features if one.kind in GROUNDS)
             for one in (one for one in features if one.kind not in ("", *KINDS)):
-                lost = "missing" if one.shape.area > NEGLIGIBLE * ground else "left out"
+                lost = "missing" if one.shape.area > NEGLIGIBLE * area else "left out"
                 text = f"feature {one.number}: kind {one.kind!r} is none of {', '.join(KINDS)}"
                 plan.note(lost, text, place=place_of(one.shape), element=one.kind)
         return plan
@@ -227,9 +224,8 @@ class GeojsonImporter(Importer):
             ends = at_wall(ends, floor, leads_out=leads)
         sides = 0 if ends is None else int(door_sides(ends.reshape(1, 4), floor)[0])
         if sides < 2 and shapely.union_all(storey.shafts).dwithin(door.shape, BESIDE):
-            plan.note(
-                "left out", f"{label!r}: a door to a lift, a shaft or a void", storey.name, place, element="feature"
-            )
+            text = f"{label!r}: a door to a lift, a shaft or a void"
+            plan.note("left out", text, storey.name, place, element="feature")
         elif ends is not None and sides == 1 and door_sides(ends, shapely.union_all([floor, *storey.steps]))[0] == 2:
             text = f"{label!r}: a door to the side of steps; draw a stair that begins behind it"
             plan.note("missing", text, storey.name, place, element="feature")
