@@ -75,11 +75,6 @@ class Server(ThreadingHTTPServer):
         """The address of the page."""
         return f"http://{self.host}/{self.token}/"
 
-    def go_on_with(self, session: Session) -> None:
-        """Serve another session, at another address."""
-        self.session, self.token = session, secrets.token_urlsafe(24)
-        self.told(self)
-
     @cached_property
     def files(self) -> dict[str, bytes]:
         """The files of the page by name."""
@@ -187,7 +182,9 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _copied(self, session: Session, folder: str, table: dict[str, Any]) -> dict[str, Any]:
         """Go on with a copy at another address, so that no other page takes it for what it was."""
-        self.server.go_on_with(Session(session.copied(table, new_folder(folder)), plugins=session.plugins))
+        self.server.session = Session(session.copied(table, new_folder(folder)), plugins=session.plugins)
+        self.server.token = secrets.token_urlsafe(24)
+        self.server.told(self.server)
         session.close()
         session.journal.unlink(missing_ok=True)
         return {"address": self.server.address}
