@@ -47,7 +47,7 @@ class DesignFlow:
     kind: str  # ``"exit"``, ``"door"`` or ``"stair"``
     name: str
     width: float  # clear width [m]
-    people: int  # people who passed in the direction of most of them, each counted once
+    people: int  # people who passed in the direction of most of them and did not come back, each counted once
     flow: float | None  # flow of the run between the first and the last fifth of them [1/s]
     effective_width: float  # clear width without the boundary layers [m]
     hydraulic_flow: float  # greatest flow of the SFPE Handbook: 0 if nothing is left of the width [1/s]
@@ -98,9 +98,11 @@ def _of_line(building: Building, line: LineFlow, exit_time: FloatArray) -> Itera
     slope = max((math.tan(level.slope) for level in stairs), default=0.0) if line.kind == "portal" else 0.0
     kind, name = ("stair", str(stairs[0].stair)) if line.kind == "portal" else (line.kind, line.name)
     passed = line.forward if 2 * line.forward.sum() >= line.people else ~line.forward
-    passed = np.isin(
-        np.arange(line.people), np.flatnonzero(passed)[np.unique(line.person[passed], return_index=True)[1]]
-    )
+    first = np.flatnonzero(passed)[np.unique(line.person[passed], return_index=True)[1]]
+    net = np.bincount(line.person, np.where(passed, 1.0, -1.0))  # 0 for those who came back or swayed on the line
+    passed = np.isin(np.arange(line.people), first[net[line.person[first]] > 0.0])
+    if not passed.any():
+        return
     time, person = line.time[passed], line.person[passed]
     effective = max(0.0, line.width - 2.0 * LAYER)
     hydraulic = stair_k(slope) * FLOW_OVER_K * effective

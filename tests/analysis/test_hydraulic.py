@@ -51,6 +51,11 @@ def test_who_passes_again_is_counted_once_and_portals_within_a_stair_are_none(bu
     again = replace(again, person=again.person % 40)
     (door,) = design_flows(building, [again], np.full(40, 50.0))
     assert (door.people, door.hydraulic_time) == (40, pytest.approx(10.0 + 40 / (1.3158 * 0.7) + 20.5, rel=1e-4))
+    back = replace(again, forward=np.arange(60) < 40)  # 20 people come back
+    (door,) = design_flows(building, [back], np.full(40, 50.0))
+    assert door.people == 20
+    both = replace(again, person=np.arange(60, dtype=np.int32) % 30, forward=np.arange(60) < 30)  # all do
+    assert design_flows(building, [both], np.full(40, 50.0)) == []
     inner = replace(building, levels=tuple(replace(level, stair="one") for level in building.levels))
     assert design_flows(inner, [passages("portal", "portal 0", (0, 1), 2.0, [1.0])], np.array([2.0])) == []
 
