@@ -468,6 +468,8 @@ class Drawing:
                 self._add(storey, [gap])
                 self._find("repaired", f"gap of {gap.depth:.3f} m at the {end} end of {what} closed", storey, edge, key)
                 beside = length
+            else:
+                beside = covered(along(self.floors[storey], edge, LEAST_LENGTH), edge)
         if beside < LEAST_LENGTH:
             raise ValueError(
                 f"its {end} edge {written(edge)} does not lie on the outline of storey {storey!r}; move the edge "
