@@ -18,6 +18,8 @@ from tests.building.test_rooms import random_house
 
 def item_of(table, key):
     section, _, name = key.partition(".")
+    if section in ("flights", "landings"):
+        return table[section][int(name)]
     return next(item for item in table[section] if item["name"] == name)
 
 
@@ -237,6 +239,50 @@ def test_the_remedy_of_a_stair_without_its_size_gives_the_size(section, left_out
     assert (error.item, error.remedy, error.place) == (f"{section}.one", remedy, (4.0, 2.0))
     mend(table, error)
     assert not [one for one in errors_of(table) if one.kind == "error"]
+
+
+#: Changes of a stair of two flights and a landing, and the remedies that a plan of them has.
+SPOILED_PIECES = [
+    ("flights.0", {"lower_z": None}, "lower_z = 0.0"),
+    ("flights.0", {"upper_z": None}, "upper_z = 1.6"),
+    ("flights.1", {"lower_z": None}, "lower_z = 1.6"),
+    ("flights.1", {"upper_z": None}, "upper_z = 3.2"),
+    ("flights.0", {"upper_edge": None}, "upper_edge = [[4.0, 6.0], [5.2, 6.0]]"),
+    ("landings.0", {"z": None}, "z = 1.6"),
+    ("flights.0", {"lower_z": 0.2}, "lower_z = 0.0"),
+    ("flights.1", {"upper_z": 3.0}, "upper_z = 3.2"),
+    ("flights.1", {"lower_z": 1.9}, "lower_z = 1.6"),
+    ("flights.0", {"upper_edge": [[4, 3], [5.2, 3]]}, "upper_edge = [[4.0, 6.0], [5.2, 6.0]]"),
+    (
+        "landings.0",
+        {"polygon": [[4, 6.3], [6.6, 6.3], [6.6, 7.5], [4, 7.5]]},
+        "polygon = [[4.0, 6.0], [6.6, 6.0], [6.6, 7.2], [4.0, 7.2]]",
+    ),
+]
+
+
+@pytest.mark.parametrize(("key", "change", "remedy"), SPOILED_PIECES)
+def test_the_remedy_of_a_flight_or_a_landing_joins_it_to_others_of_its_stair(key, change, remedy):
+    first = {"lower_edge": [[4, 3], [5.2, 3]], "lower_z": 0.0, "upper_edge": [[4, 6], [5.2, 6]], "upper_z": 1.6}
+    second = {"lower_edge": [[5.4, 6], [6.6, 6]], "lower_z": 1.6, "upper_edge": [[5.4, 3], [6.6, 3]], "upper_z": 3.2}
+    floor = [[0, 0], [12, 0], [12, 10], [0, 10]]
+    table = {
+        "storeys": [{"name": "low", "polygons": floor}, {"name": "high", "z": 3.2, "polygons": floor}],
+        "flights": [{"stair": "west", **first}, {"stair": "west", **second}],
+        "landings": [{"stair": "west", "polygon": [[4, 6], [6.6, 6], [6.6, 7.2], [4, 7.2]], "z": 1.6}],
+    }
+    portals = len(plan_of(table, Path("house"), Path()).building(need_exit=False).portals)
+    item = item_of(table, key)
+    item |= change
+    for left_out in [name for name, value in change.items() if value is None]:
+        del item[left_out]
+    error = next(one for one in errors_of(table) if one.kind == "error" and one.item == key)
+    sizes = tomllib.loads(error.remedy)
+    ((name, value),) = tomllib.loads(remedy).items()
+    assert sizes.keys() == {name}
+    assert np.allclose(np.sort(np.atleast_1d(sizes[name]), axis=0), np.sort(np.atleast_1d(value), axis=0))
+    mend(table, error)
+    assert len(plan_of(table, Path("house"), Path()).building(need_exit=False).portals) == portals
 
 
 def test_the_remedy_of_doors_without_a_wall_is_the_wall_of_their_storey():

@@ -16,8 +16,8 @@ from evac.building.model.findings import OWN, Finding, keyed, refusal
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.drawing import Drawing
 from evac.building.plan.plan import Item, Plan
-from evac.building.plan.plantable import table_of
-from evac.building.plan.remedies import changes_of_drawn, names_like, remedy_of
+from evac.building.plan.plantable import PIECES, plan_of, table_of
+from evac.building.plan.remedies import changes_of_drawn, changes_of_piece, names_like, remedy_of
 from evac.building.plan.rooms import key_of, originals
 from evac.building.surface.build import build_building
 from evac.building.surface.surfacemesh import SurfaceMesh
@@ -82,7 +82,10 @@ class DrawnPlan:
             section, _, name = (one.item or "").partition(".")
             given = [item for item in getattr(self.plan, section) if item.name == name] if section in MENDED else []
             found = [one]
-            if given and not one.remedy:  # not of a stair of flights and landings
+            stairs = [stair for stair, *_ in self.plan.pieces if f"{name} ".startswith(f"{stair} ")]
+            if one.kind == "error" and stairs and not given and section in ("stairs", *PIECES):
+                found = [self._of_piece(one, max(stairs, key=len))]
+            elif given and not one.remedy:
                 found = self._chain(one, section, _row(section, given), doors, {_kind_of(one)})
             known[same] = found[0].remedy
             mended += found
@@ -112,6 +115,22 @@ class DrawnPlan:
             if is_mended:
                 break
         return found or [replace(error, remedy="remove it" if error.kind == "error" else "")]
+
+    def _of_piece(self, error: Finding, stair: str) -> Finding:
+        """Return an error of a stair of flights and landings as one of the piece whose change removes it."""
+        table, found = table_of(self.plan), [(0, error)]
+        ground = {own: table[own] for own in ("headroom", "storeys", "rooms") if own in table}
+        own = {section: [row for row in table[section] if row["stair"] == stair] for section in PIECES}
+        for section, row in [(section, row) for section, rows in own.items() for row in rows]:
+            others = [one for rows in own.values() for one in rows if one is not row]
+            for change in changes_of_piece(self.plan, section, row, others):
+                pieces = {**own, section: [{**row, **change} if one is row else one for one in own[section]]}
+                drawing = Drawing(plan_of({**ground, **pieces}, self.source, Path()))
+                building = _built(drawing.plan, drawing.mesh(), self.source, self.options)[0]
+                if building is not None and not drawing.errors:
+                    item, remedy = f"{section}.{table[section].index(row)}", remedy_of(row, {**row, **change})
+                    found.append((len(building.portals), replace(error, item=item, remedy=remedy)))
+        return max(found, key=lambda one: one[0])[1]  # with most pieces joined
 
     def _tried(self, section: str, name: str, row: Mapping[str, Any], doors: list[Item]) -> Finding | None:
         """Return the error or warning of an item, by its name, that is added to the rest of a plan with some doors.

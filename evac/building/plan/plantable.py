@@ -21,7 +21,7 @@ from evac.building.model.findings import Finding, refusal
 from evac.building.plan.drawing import Drawing
 from evac.building.plan.outlines import from_wkt, is_point
 from evac.building.plan.plan import OUTSIDE, Item, Plan, Stair, Storey, copied
-from evac.building.plan.remedies import TEXTS, changes_of_refused, keys_of, remedy_of, values_like
+from evac.building.plan.remedies import TEXTS, changes_of_piece, changes_of_refused, keys_of, remedy_of, values_like
 from evac.building.plan.rooms import close_to
 from evac.building.plan.stairs import LEVEL
 from evac.building.surface.patches import patches_of
@@ -134,7 +134,12 @@ def _added(
     def mended(row: Mapping[str, Any], text: str, most: int = 3) -> tuple[list[tuple[str, str]], Mapping[str, Any]]:
         """Return the errors of a row with their remedies, each of which removes one, and the row without them."""
         changes: list[tuple[str | None, Mapping[str, Any]]] = []
-        for alike in changes_of_refused(plan, section, row, unknown):
+        pieces: list[Sequence[Mapping[str, Any]]] = []
+        with suppress(Exception):  # what is wrong with other pieces of the stair is told there
+            rows = [one for own in PIECES for one in table.get(own, ()) if one is not item]
+            others = [one for one in rows if section in PIECES and one["stair"] == row["stair"]]
+            pieces += ([{**row, **own}] for own in changes_of_piece(plan, section, row, others))
+        for alike in [*pieces, *changes_of_refused(plan, section, row, unknown)]:
             tried = [(refusal_of(changed, copied(plan)), changed) for changed in alike]
             if len(fitting := [changed for again, changed in tried if again is None]) > 1 and section != "storeys":
                 tried = [(None, min(fitting, key=misfits))]

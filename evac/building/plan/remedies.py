@@ -19,7 +19,7 @@ from evac.base.toml import toml_lines
 from evac.building.geometry import between_floors, rounded, segment_lengths, sides
 from evac.building.model.findings import numbered
 from evac.building.plan.drawing import Drawing
-from evac.building.plan.outlines import is_point, normal
+from evac.building.plan.outlines import SNAP, is_point, normal
 from evac.building.plan.plan import OUTSIDE, Plan
 from evac.building.plan.rooms import close_to
 
@@ -38,6 +38,8 @@ INNER = {
     "control": tuple(Control.model_fields),
     "operation": tuple(LiftOptions.model_fields),
 }
+#: Keys of the places of flights and landings, and those of the heights there.
+PLACES = {"lower_edge": "lower_z", "upper_edge": "upper_z", "polygon": "z"}
 #: Rise and going of the steps of a stair that states none [m].
 USUAL = {"rise": 0.17, "going": 0.29}
 #: Directions that are tried of a stair that states none.
@@ -171,6 +173,27 @@ def _other_rooms(plan: Plan, row: Row, tie: Row) -> Iterator[Row]:
     if len(known) == 1 and "inset" not in tie:
         count = len(shapely.get_coordinates(own[known[0]])) - 1
         yield from ({**tie, "side": side} for side in range(count) if side != tie.get("side"))
+
+
+def changes_of_piece(plan: Plan, section: str, row: Row, others: Sequence[Row]) -> Iterator[dict[str, Any]]:
+    """Yield heights and places of a flight or a landing where it meets others of its stair or a storey."""
+    ends = [(one[key], one[z]) for one in others for key, z in PLACES.items() if key in one and z in one]
+    met = [(shapely.multipoints(corners).convex_hull, high) for corners, high in ends]
+    met.sort(key=lambda one: -one[0].area)  # rather at a landing than at another flight
+    for key, z in PLACES.items():
+        opposite = {"lower_edge": "upper_edge", "upper_edge": "lower_edge"}.get(key, key)
+        corners = row.get(key, row.get(opposite))
+        if corners is None or z not in keys_of(section) or section == "storeys":
+            continue
+        own, far = shapely.multipoints(corners).convex_hull, row.get(PLACES[opposite], 0.0)
+        end = own if key == "polygon" else own.centroid  # flights side by side touch at a corner
+        near = [(round(shape.distance(end), 3), high) for shape, high in met]
+        near += [(SNAP, storey.z) for storey in plan.storeys.values()]
+        near.sort(key=lambda one: (one[0], (one[1] > far) == (z == "lower_z"), abs(one[1] - far)))
+        yield from ({z: high} for _, high in near[:MOST_WALLS] if key in row and high not in (row.get(z), far))
+        for shape in (shape for shape, high in met if high == row.get(z)):
+            step = np.diff(shapely.get_coordinates(shapely.shortest_line(own, shape)), axis=0)
+            yield {key: rounded(np.array(corners) + step).tolist()}
 
 
 def names_like(plan: Plan, drawing: Drawing, row: Row) -> list[dict[str, Any]]:
