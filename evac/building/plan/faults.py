@@ -74,19 +74,20 @@ class DrawnPlan:
     def _with_remedies(self, findings: Sequence[Finding], doors: list[Item]) -> list[Finding]:
         """Return findings with remedies of the errors and warnings among them; `doors`: those that are right."""
         doors, mended, known = list(doors), list[Finding](), dict[tuple[str | None, str], str]()
+        table = table_of(self.plan)
         for one in findings:
             same = one.item, _kind_of(one)  # as on every storey of a shaft
             if one.kind not in ("error", "warning") or (same in known and not one.remedy):
                 mended.append(replace(one, remedy=one.remedy or known.get(same, "")))
                 continue
             section, _, name = (one.item or "").partition(".")
-            given = [item for item in getattr(self.plan, section) if item.name == name] if section in MENDED else []
+            given = [row for row in table.get(section, ()) if row["name"] == name] if section in MENDED else []
             found = [one]
             stairs = [stair for stair, *_ in self.plan.pieces if f"{name} ".startswith(f"{stair} ")]
             if one.kind == "error" and stairs and not given and section in ("stairs", *PIECES):
-                found = [self._of_piece(one, max(stairs, key=len))]
+                found = [self._of_piece(one, table, max(stairs, key=len))]
             elif given and not one.remedy:
-                found = self._chain(one, section, _row(section, given), doors, {_kind_of(one)})
+                found = self._chain(one, section, given[0], doors, {_kind_of(one)})
             known[same] = found[0].remedy
             mended += found
         return mended
@@ -116,11 +117,11 @@ class DrawnPlan:
                 break
         return found or [replace(error, remedy="remove it" if error.kind == "error" else "")]
 
-    def _of_piece(self, error: Finding, stair: str) -> Finding:
+    def _of_piece(self, error: Finding, table: Mapping[str, Any], stair: str) -> Finding:
         """Return an error of a stair of flights and landings as one of the piece whose change removes it."""
-        table, found = table_of(self.plan), [(0, error)]
+        found = [(0, error)]
         ground = {own: table[own] for own in ("headroom", "storeys", "rooms") if own in table}
-        own = {section: [row for row in table[section] if row["stair"] == stair] for section in PIECES}
+        own = {section: [row for row in table.get(section, ()) if row["stair"] == stair] for section in PIECES}
         for section, row in [(section, row) for section, rows in own.items() for row in rows]:
             others = [one for rows in own.values() for one in rows if one is not row]
             for change in changes_of_piece(self.plan, section, row, others):
@@ -180,14 +181,6 @@ class DrawnPlan:
             return None
         nothing = Finding("error", "nothing can be drawn", item=item)
         return next((one for one in faults if one.item == item), [*faults, nothing][0])
-
-
-def _row(section: str, items: list[Any]) -> dict[str, Any]:
-    """Return an item of a plan, which may have several segments, as a plan file has it."""
-    alone = Plan()
-    setattr(alone, section, items)
-    row: dict[str, Any] = table_of(alone)[section][0]
-    return row
 
 
 def _built(
