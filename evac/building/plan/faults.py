@@ -120,13 +120,13 @@ class DrawnPlan:
     def _of_piece(self, error: Finding, table: Mapping[str, Any], stair: str) -> Finding:
         """Return an error of a stair of flights and landings as one of the piece whose change removes it."""
         found = [(0, error)]
-        ground = {own: table[own] for own in ("headroom", "storeys", "rooms") if own in table}
-        own = {section: [row for row in table.get(section, ()) if row["stair"] == stair] for section in PIECES}
-        for section, row in [(section, row) for section, rows in own.items() for row in rows]:
-            others = [one for rows in own.values() for one in rows if one is not row]
-            for change in changes_of_piece(self.plan, section, row, others):
-                pieces = {**own, section: [{**row, **change} if one is row else one for one in own[section]]}
-                drawing = Drawing(plan_of({**ground, **pieces}, self.source, Path()))
+        kept = {own: table[own] for own in ("headroom", "storeys", "rooms") if own in table}
+        kept |= {own: [row for row in table.get(own, ()) if row["stair"] == stair] for own in PIECES}
+        every = [(section, row) for section in PIECES for row in kept[section]]
+        for section, row in every:
+            for change in changes_of_piece(self.plan, section, row, [one for _, one in every if one is not row]):
+                pieces = [{**row, **change} if one is row else one for one in kept[section]]
+                drawing = Drawing(plan_of({**kept, section: pieces}, self.source, Path()))
                 building = _built(drawing.plan, drawing.mesh(), self.source, self.options)[0]
                 if building is not None and not drawing.errors:
                     item, remedy = f"{section}.{table[section].index(row)}", remedy_of(row, {**row, **change})

@@ -137,8 +137,7 @@ def _added(
         pieces: list[Sequence[Mapping[str, Any]]] = []
         with suppress(Exception):  # what is wrong with other pieces of the stair is told there
             rows = [one for own in PIECES for one in table.get(own, ()) if one is not item]
-            others = [one for one in rows if section in PIECES and one["stair"] == row["stair"]]
-            pieces += ([{**row, **own}] for own in changes_of_piece(plan, section, row, others))
+            pieces += ([{**row, **own}] for own in changes_of_piece(plan, section, row, rows) if section in PIECES)
         for alike in [*pieces, *changes_of_refused(plan, section, row, unknown)]:
             tried = [(refusal_of(changed, copied(plan)), changed) for changed in alike]
             if len(fitting := [changed for again, changed in tried if again is None]) > 1 and section != "storeys":

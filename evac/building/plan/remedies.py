@@ -175,25 +175,22 @@ def _other_rooms(plan: Plan, row: Row, tie: Row) -> Iterator[Row]:
         yield from ({**tie, "side": side} for side in range(count) if side != tie.get("side"))
 
 
-def changes_of_piece(plan: Plan, section: str, row: Row, others: Sequence[Row]) -> Iterator[dict[str, Any]]:
+def changes_of_piece(plan: Plan, section: str, row: Row, rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
     """Yield heights and places of a flight or a landing where it meets others of its stair or a storey."""
-    ends = [(one[key], one[z]) for one in others for key, z in PLACES.items() if key in one and z in one]
-    met = [(shapely.multipoints(corners).convex_hull, high) for corners, high in ends]
-    met.sort(key=lambda one: -one[0].area)  # rather at a landing than at another flight
-    for key, z in PLACES.items():
-        opposite = {"lower_edge": "upper_edge", "upper_edge": "lower_edge"}.get(key, key)
-        corners = row.get(key, row.get(opposite))
-        if corners is None or z not in keys_of(section) or section == "storeys":
-            continue
-        own, far = shapely.multipoints(corners).convex_hull, row.get(PLACES[opposite], 0.0)
-        end = own if key == "polygon" else own.centroid  # flights side by side touch at a corner
-        near = [(round(shape.distance(end), 3), high) for shape, high in met]
+    ends = [(one[key], one[z]) for one in rows if one["stair"] == row["stair"] for key, z in PLACES.items() if z in one]
+    met = [(shapely.multipoints(corners).convex_hull, high) for corners, high in ends if is_point(corners[0])]
+    own = {key: z for key, z in PLACES.items() if key in row and z in keys_of(section) and is_point(row[key][0])}
+    for key, z in own.items():
+        shape = shapely.multipoints(row[key]).convex_hull
+        far = row.get({"lower_z": "upper_z", "upper_z": "lower_z"}.get(z, z), 0.0)
+        end = shape if key == "polygon" else shape.centroid  # flights side by side touch at a corner
+        near = [(round(other.distance(end), 3), high) for other, high in met]
         near += [(SNAP, storey.z) for storey in plan.storeys.values()]
         near.sort(key=lambda one: (one[0], (one[1] > far) == (z == "lower_z"), abs(one[1] - far)))
-        yield from ({z: high} for _, high in near[:MOST_WALLS] if key in row and high not in (row.get(z), far))
-        for shape in (shape for shape, high in met if high == row.get(z)):
-            step = np.diff(shapely.get_coordinates(shapely.shortest_line(own, shape)), axis=0)
-            yield {key: rounded(np.array(corners) + step).tolist()}
+        yield from ({z: high} for _, high in near[:MOST_WALLS] if high not in (row.get(z), far))
+        for other in (other for other, high in met if high == row.get(z)):
+            step = np.diff(shapely.get_coordinates(shapely.shortest_line(shape, other)), axis=0)
+            yield {key: rounded(np.array(row[key]) + step).tolist()}
 
 
 def names_like(plan: Plan, drawing: Drawing, row: Row) -> list[dict[str, Any]]:
@@ -228,9 +225,8 @@ def changes_of_drawn(plan: Plan, drawing: Drawing, section: str, row: Row, text:
         yield from ({"segment": ends} for ends in _on_walls(drawing, section, row["storey"], np.array(segment)))
     elif section == "areas":
         if "name" in text:
-            yield {
-                "name": numbered(row["name"], [*(one.name for one in plan.areas), *(one.name for one in plan.rooms)])
-            }
+            taken = [*(one.name for one in plan.areas), *(one.name for one in plan.rooms)]
+            yield {"name": numbered(row["name"], taken)}
         yield from ({"storey": name} for name in plan.storeys)
         if isinstance(polygon, Mapping):
             yield {"polygon": {key: value for key, value in polygon.items() if key != "inset"}}

@@ -180,7 +180,8 @@ def _reached(
     pairs = [(k, j) for k, near in enumerate(_beside(parts)) for j in near if k < j and _is_step(parts[k], parts[j])]
     group = connected_components(len(parts), np.array(pairs, dtype=np.int64).reshape(-1, 2))
     is_solid = np.array([part.body in solid for part in parts])
-    is_walled, is_small = upright.stand_on(parts), np.array([_is_top(part) for part in parts])
+    tops = [part.plan.area < LEAST_TOP or part.plan.buffer(-NARROWEST_TOP / 2).is_empty for part in parts]
+    is_walled, is_small = upright.stand_on(parts), np.array(tops)
     has_floor, has_walls = (np.zeros(len(parts), dtype=bool) for _ in range(2))
     is_named = np.array([any(tag.startswith(("floor:", "stair:")) for tag in part.tags) for part in parts], dtype=bool)
     has_floor[group[~is_small | ~is_solid | is_named]] = True
@@ -242,11 +243,6 @@ def _is_again(one: Patch, other: Patch) -> bool:
 def _least(one: Patch, other: Patch) -> float:
     """Return how far above another patch a patch begins to cover it [m]; inclined faces that cross have no gap."""
     return TOUCHING if one.body == other.body or _is_again(one, other) else 0.0
-
-
-def _is_top(part: Patch) -> bool:
-    """Return whether a patch is too small for a floor."""
-    return part.plan.area < LEAST_TOP or bool(part.plan.buffer(-NARROWEST_TOP / 2).is_empty)
 
 
 def _is_step(one: Patch, other: Patch) -> bool:
