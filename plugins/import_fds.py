@@ -76,6 +76,7 @@ class FdsImporter(Importer):
         of = {group: [line for line in seen if line.group == group] for group in GROUPS}
         for group, number in sorted(Counter(one.group for one in lines if one.group in (*GROUPS, *LEFT_OUT)).items()):
             plan.note("found", f"{number} &{group}", element=f"&{group}", number=number)
+        of["MESH"] = _of_storeys(of["MESH"], [one for one in lines if one.group == "STRS"], of["EXIT"] + of["EVAC"])
         if not of["MESH"]:
             raise ValueError("the deck has no &MESH with XB that people can walk in")
         for one in lines:
@@ -191,6 +192,11 @@ class Line:
         found = np.flatnonzero((below >= -SAME) & (below <= REACH))
         return int(found[-1]) if len(found) else None
 
+    def holds(self, other: "Line") -> bool:
+        """Return whether the middle of another box is in its box."""
+        middle = other.box.reshape(3, 2).mean(axis=1)
+        return bool(((self.box[::2] - SAME <= middle) & (middle <= self.box[1::2] + SAME)).all())
+
     @property
     def plan(self) -> BaseGeometry:
         """Its box in plan."""
@@ -286,6 +292,13 @@ def _moves(mult: Line) -> FloatArray:
     times = np.stack(along, axis=1) + (0 if spread.any() else number[:, None])
     moves: FloatArray = np.repeat(origin + times * step, 2, axis=1) + number[:, None] * spread
     return moves
+
+
+def _of_storeys(meshes: list[Line], stairs: list[Line], used: list[Line]) -> list[Line]:
+    """Return the meshes without those that `&STRS` lines name and in which nobody starts or leaves."""
+    named = {name for one in stairs for name in re.findall(r"\bMESH_ID\s*=\s*['\"]([^'\"]*)", one.text)}
+    wells = [mesh for mesh in meshes if mesh.name.upper() in named and not any(map(mesh.holds, used))]
+    return [mesh for mesh in meshes if mesh not in wells]
 
 
 def _floors(meshes: list[Line], obstructions: list[Line], holes: list[Line]) -> Iterator[tuple[float, BaseGeometry]]:

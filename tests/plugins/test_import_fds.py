@@ -113,6 +113,16 @@ def test_decks_of_fds_evac_give_the_room_that_they_mean(tmp_path, deck):
     assert lines == ([("counter (line 7)", ((6.0, 0.2), (6.0, 7.8)))] if "COUNT_ONLY" in deck else [])
 
 
+@pytest.mark.parametrize(("exits", "heights"), [("", [0.0]), (PEOPLE.format("3.9,4.1"), [0.0, 3.0])])
+def test_a_mesh_of_stairs_is_a_storey_only_if_people_start_or_leave_in_it(tmp_path, exits, heights):
+    well = THIN.replace("0.9,1.1", "3.9,4.1").replace("&MESH", "&MESH ID='Well'")
+    stair = "&STRS ID='up', XB=0.2,3.0,0.2,7.8,3.9,4.1, MESH_ID='Well' /\n"
+    (tmp_path / "a.fds").write_text(WALLS + THIN + well + stair + PEOPLE.format("0.9,1.1") + exits)
+    building = read_building(tmp_path / "a.fds")
+    assert [level.z_min for level in building.levels] == heights
+    assert [one.kind for one in building.findings if "&STRS up" in one.text] == ["missing"]
+
+
 @pytest.mark.parametrize("height", ["6.0,7.0", "-3.0,-2.0"])
 def test_an_exit_on_no_storey_makes_a_deck_incomplete(tmp_path, height):
     (tmp_path / "a.fds").write_text(WALLS + THIN + PEOPLE.format(height))
