@@ -39,7 +39,7 @@ from evac.building.recover.indoormaps import (
     profile_of,
     read_map,
 )
-from evac.building.recover.linework import LEAST_CABIN, LEAST_ROOM, door_sides, leads_out
+from evac.building.recover.linework import LEAST_CABIN, LEAST_ROOM, door_sides, hull_of, leads_out
 from evac.building.recover.openstreetmap import features_of
 
 #: Values of the property ``kind`` of a feature.
@@ -200,8 +200,10 @@ class GeojsonImporter(Importer):
                 f"the map has {len(storey.doors)} doors for {len(rooms)} rooms: rooms that touch are open to each other"
             )
             plan.note("assumed", text, storey.name)
+        hull = hull_of(floor)
         for number, door in enumerate(storey.doors, start=1):
-            self._add_door(plan, storey, door, f"{storey.name} {door.name or 'door'} {number}", parts, floor, outside)
+            label = f"{storey.name} {door.name or 'door'} {number}"
+            self._add_door(plan, storey, door, label, parts, floor, hull, outside)
         for number, (name, shape) in enumerate(storey.rooms, start=1):
             own = flat_parts(shape & floor)  # without its walls
             plan.area(f"{storey.name} {name or 'room'} {number}", storey.name, shape if own.is_empty else own)
@@ -215,11 +217,12 @@ class GeojsonImporter(Importer):
         label: str,
         spaces: Sequence[BaseGeometry],
         floor: BaseGeometry,
+        hull: BaseGeometry,
         outside: str,
     ) -> None:
         """Add one door of an indoor map, or say why it is none."""
         ends, place = door_at(door.shape, door.width, spaces), place_of(door.shape)
-        leads = ends is not None and bool(leads_out(ends.reshape(1, 4), floor)[0])
+        leads = ends is not None and bool(leads_out(ends.reshape(1, 4), hull)[0])
         if ends is not None:
             ends = at_wall(ends, floor, leads_out=leads)
         sides = 0 if ends is None else int(door_sides(ends.reshape(1, 4), floor)[0])

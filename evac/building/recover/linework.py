@@ -146,9 +146,10 @@ def rooms_of(
     outer = np.concatenate([ways[: len(ways) - len(known)], mouths[segment_lengths(mouths) > THICKEST_WALL]])
     outer = outer[_with_floor(_as_lines(outer), floor).sum(axis=1) == 1]
     small = [face for face in _wide(closed) if not floor.intersects(face.representative_point())]
-    is_outer = (sides == 1) & leads_out(known, floor)
+    hull = hull_of(floor)
+    is_outer = (sides == 1) & leads_out(known, hull)
     is_open = is_outer & ~_walled(known, floor, walls)
-    outer = np.concatenate([outer[leads_out(outer, floor)], known[is_outer & ~is_open]])
+    outer = np.concatenate([outer[leads_out(outer, hull)], known[is_outer & ~is_open]])
     between = np.array(inside).reshape(-1, 4)
     return Rooms(floor, drawn.closed, between, known[sides == 2], outer, known[is_open], outside, small)
 
@@ -266,11 +267,16 @@ def _mouths(pieces: Lines, floor: BaseGeometry, reach: float) -> FloatArray:
     return np.array(found).reshape(-1, 4)
 
 
-def leads_out(doors: FloatArray, floor: BaseGeometry) -> NDArray[np.bool_]:
-    """Return which doors (k, 4) lead to the outside of the hull of a floor with its walls."""
+def hull_of(floor: BaseGeometry) -> BaseGeometry:
+    """Return the prepared hull of a floor with its walls."""
     thick = floor.buffer(THICKEST_HULL / 2, join_style="mitre").buffer(-THICKEST_HULL / 2, join_style="mitre")
     hull = shapely.union_all([shapely.Polygon(part.exterior) for part in shapely.get_parts(thick)])
     shapely.prepare(hull)
+    return hull
+
+
+def leads_out(doors: FloatArray, hull: BaseGeometry) -> NDArray[np.bool_]:
+    """Return which doors (k, 4) lead to the outside of the hull of a floor."""
     middle, across = _across(doors)
     sides = [shapely.intersects_xy(hull, *(middle + way * THICKEST_HULL * across).T) for way in (1.0, -1.0)]
     found: NDArray[np.bool_] = ~(sides[0] & sides[1])
