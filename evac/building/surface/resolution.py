@@ -103,6 +103,7 @@ def _largest_wall(mesh: TriangleMesh) -> tuple[float, float, float] | None:
     """
     points, index = np.unique(mesh.points, axis=0, return_inverse=True)
     cells = index.ravel()[mesh.triangles]
+    cells = cells[(cells != np.roll(cells, 1, axis=1)).all(axis=1)]  # rounding joins corners of slivers
     body = bodies(len(points), cells)
     count, corners = int(body.max()) + 1, points[cells]
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
