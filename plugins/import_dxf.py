@@ -555,7 +555,11 @@ def _add_stairs(plan: Plan, storeys: Mapping[str, Sequence[Drawn]]) -> None:
                 added[f"stair {len(added) + 1}"] = stair, lower, upper
                 continue
             _propose(plan, stair, lower, upper, "warning", f"{text}, is left out, since it may be none")
-    faults = add_fitting(plan, {name: partial(_add_stair, plan, name, *given) for name, given in added.items()})
+    adding = {
+        name: partial(plan.stair, name, lower, stair.foot, upper, stair.head, **stair.turn)
+        for name, (stair, lower, upper) in added.items()
+    }
+    faults = add_fitting(plan, adding)
     for name, (stair, lower, upper) in added.items():
         place = place_of(stair.ground)
         if name in faults:
@@ -565,10 +569,6 @@ def _add_stairs(plan: Plan, storeys: Mapping[str, Sequence[Drawn]]) -> None:
         else:
             text = f"{name!r} to {upper!r}, {stair.width:.2f} m wide, ascends as written, since no arrow says how"
             plan.note("assumed", text, lower, place)
-
-
-def _add_stair(plan: Plan, name: str, stair: DrawnStair, lower: str, upper: str) -> None:
-    plan.stair(name, lower, stair.foot, upper, stair.head, **stair.turn)
 
 
 def _propose(plan: Plan, stair: DrawnStair, lower: str, upper: str, kind: str, text: str) -> None:
@@ -604,11 +604,6 @@ def _opened(path: Path, repair: bool) -> tuple[Any, list[str]]:
         except Exception:
             raise ValueError(f"not a DXF file: {why}") from first
         return document, [why, *(error.message for error in auditor.errors)]
-
-
-def _is_divided(entity: Any) -> bool:
-    """Return whether a thin, open polyline has arcs, which may be those of doors."""
-    return getattr(entity, "has_arc", False) and not entity.is_closed and not _width(entity)
 
 
 def _frame(path: Any) -> FloatArray:
@@ -649,7 +644,10 @@ def _entities(
         if entity.dxftype() == "INSERT":
             for part in entity.multi_insert() if entity.mcount > 1 else [entity]:
                 yield from _entities(_expanded(part), (part.dxf.name, *blocks), depth + 1, count, layer)
-        elif entity.dxftype() == "MLINE" or _is_divided(entity):
+            continue
+        # Arcs of a thin, open polyline may be those of doors.
+        has_arc = getattr(entity, "has_arc", False) and not entity.is_closed and not _width(entity)
+        if entity.dxftype() == "MLINE" or has_arc:
             yield from ((layer, blocks, line) for line in entity.virtual_entities())
         else:
             yield layer, blocks, entity

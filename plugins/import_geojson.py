@@ -227,17 +227,17 @@ class GeojsonImporter(Importer):
             ends = at_wall(ends, floor, leads_out=leads)
         sides = 0 if ends is None else int(door_sides(ends.reshape(1, 4), floor)[0])
         if sides < 2 and shapely.union_all(storey.shafts).dwithin(door.shape, BESIDE):
-            text = f"{label!r}: a door to a lift, a shaft or a void"
-            plan.note("left out", text, storey.name, place, element="feature")
+            kind, text = "left out", "a door to a lift, a shaft or a void"
         elif ends is not None and sides == 1 and door_sides(ends, shapely.union_all([floor, *storey.steps]))[0] == 2:
-            text = f"{label!r}: a door to the side of steps; draw a stair that begins behind it"
-            plan.note("missing", text, storey.name, place, element="feature")
+            kind, text = "missing", "a door to the side of steps; draw a stair that begins behind it"
         elif ends is None or sides == 0 or (sides == 1 and not leads):
-            plan.note("left out", f"{label!r}: a door that joins nothing", storey.name, place, element="feature")
+            kind, text = "left out", "a door that joins nothing"
         else:
             outside = "exit" if door.is_entrance else outside
             plan.door(label, storey.name, ends, outside=outside)
             plan.note("found", f"{'door' if sides == 2 else outside} {label!r}", storey.name, place)
+            return
+        plan.note(kind, f"{label!r}: {text}", storey.name, place, element="feature")
 
     def _placing(
         self, plan: Plan, shapes: list[BaseGeometry], *, are_degrees: bool
