@@ -62,3 +62,15 @@ def test_polygons_give_the_same_triangles_however_they_start(turn, flip):
     assert shapely.area(pieces).sum() == pytest.approx(10.0)
     assert shapely.union_all(pieces).equals(shapely.Polygon(outline))
     assert (owner == 0).all()
+
+
+@pytest.mark.parametrize("y", [1e-7, -1e-7])
+def test_a_narrow_cell_of_a_floor_may_be_turned_over_by_rounding(mesh, read, y):
+    """The cell between two others and a corner on their common side is left out if rounding moves the corner across."""
+    mesh.face((0, 0, 0), (4, 0, 0), (2, -3, 0)).face((0, 0, 0), (2, y, 0), (2, 3, 0)).face(
+        (2, y, 0), (4, 0, 0), (2, 3, 0)
+    )
+    mesh.face((0, 0, 0), (4, 0, 0), (2, y, 0))
+    (level,) = read(mesh, need_exit=False).levels
+    assert level.polygon.area == pytest.approx(12.0)
+    assert not level.polygon.interiors

@@ -8,6 +8,7 @@ import pytest
 import shapely
 from scipy.spatial import cKDTree
 
+from evac.building.geometry import least_height
 from evac.building.plan.plan import Plan
 from evac.building.surface.welding import close_pairs, split_at_vertices, weld_points
 
@@ -105,6 +106,14 @@ def test_a_vertex_near_two_sides_of_a_cell_splits_the_nearer_one():
     vertices, cells, owner, _ = split(points, [[0, 1, 2], [3, 4, 5]])
     assert area(vertices, cells[owner == 0]) == pytest.approx(1.0, abs=20 * 0.001)
     assert len(np.unique(np.sort(cells, axis=1), axis=0)) == len(cells)
+
+
+def test_parts_without_a_height_are_dropped_where_splitting_does_not_end():
+    """Each of two corners of a thin cell is within the weld of a side that the other leaves."""
+    points = [[71.834, 35.517], [72.573554, 35.823892], [72.573, 35.825], [72.575, 35.821], [73.579895, 38.661959]]
+    vertices, cells, *_ = split([[x, y, 0.0] for x, y in points], [[0, 1, 2], [0, 3, 1], [1, 3, 4]])
+    assert least_height(vertices[cells]).min() > 1e-4
+    assert area(vertices, cells) == pytest.approx(area(vertices, np.array([[0, 3, 2], [2, 3, 4]])), rel=1e-6)
 
 
 def test_tagged_edges_are_cut_with_the_cells():

@@ -110,13 +110,17 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
 def _is_fitted(vertices: FloatArray, triangles: IndexArray) -> BoolArray:
     """Return the level cells that share at least two sides with one other cell each, as in a triangulation of a floor.
 
-    Such a cell may be narrow: it is needed, since its neighbours meet its sides and not each other.
+    Such a cell may be narrow: it is needed, since its neighbours meet its sides and not each other. It is not where
+    rounding has turned it over, so that a neighbour is on the same side of an edge.
     """
-    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    _, row, uses = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    directed = _counter_clockwise(vertices, triangles)[:, [[0, 1], [1, 2], [2, 0]]]
+    _, row, uses = np.unique(np.sort(directed.reshape(-1, 2), axis=1), axis=0, return_inverse=True, return_counts=True)
     is_shared = (uses[row.ravel()] == 2).reshape(-1, 3).sum(axis=1) >= 2
-    is_level: BoolArray = (np.ptp(vertices[triangles][:, :, 2], axis=1) == 0.0) & is_shared
-    return is_level & (plan_area(vertices[triangles]) > 0.0)
+    is_level = np.ptp(vertices[triangles][:, :, 2], axis=1) == 0.0
+    _, row, uses = np.unique(directed[is_level].reshape(-1, 2), axis=0, return_inverse=True, return_counts=True)
+    is_level[is_level] = (uses[row.ravel()] == 1).reshape(-1, 3).all(axis=1)
+    is_fitted: BoolArray = is_level & is_shared & (plan_area(vertices[triangles]) > 0.0)
+    return is_fitted
 
 
 def slope_angle(corners: FloatArray) -> FloatArray:

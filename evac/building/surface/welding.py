@@ -87,7 +87,7 @@ def split_at_vertices(
     [m]: largest distance of a vertex from an edge that it splits. Returns `triangles` (s, 3); `owner` (s,): row of the
     original triangle of each triangle; `edges` (e, 2).
     """
-    owner = np.arange(len(triangles))
+    owner, rounding = np.arange(len(triangles)), ROUNDING * float(np.abs(vertices).max())
     for turn in range(MOST_ROUNDS):
         hanging = _hanging_vertices(vertices, triangles, edges, distance)
         if not hanging:
@@ -99,7 +99,7 @@ def split_at_vertices(
             pieces += parts
             cut_from += [row] * len(parts)
         triangles, owner = np.array(pieces, dtype=np.int64), owner[cut_from]
-        is_wide = least_height(vertices[triangles]) > (distance if turn < PATIENCE else 0.0)
+        is_wide = least_height(vertices[triangles]) > (distance if turn < PATIENCE else rounding)
         if not is_wide.any():
             break
         triangles, owner = triangles[is_wide], owner[is_wide]
