@@ -1,13 +1,16 @@
-"""Declared parameters of plugins, with unit, range and default, checked once."""
+"""Declared parameters of plugins, with unit, range and default, checked once; and types of arguments of functions."""
 
 import difflib
 import math
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from numbers import Integral, Real
+from os import PathLike
+from types import NoneType
+from typing import Any, ClassVar, get_args
 
-from evac.base.errors import PluginError, ScenarioError, escaped
+from evac.base.errors import PluginError, ScenarioError, escaped, text_of
 
 #: Greatest absolute value of a parameter: far beyond any quantity in SI units, and exact as a whole number.
 GREATEST = 1e15
@@ -167,3 +170,34 @@ class Configurable:
     def values(self) -> dict[str, Any]:
         """Return the values of the parameters by name."""
         return {key: getattr(self, key) for key in self.declared()}
+
+
+#: How messages name types; those of other classes are their names.
+WORDS: Mapping[Any, str] = {
+    str: "a text",
+    PathLike: "a path",
+    bool: "True or False",
+    Integral: "a whole number",
+    Real: "a number",
+    Callable: "a function",
+    Mapping: "a dictionary",
+    Iterable: "a list",
+    Sequence: "a list",
+    NoneType: "None",
+}
+
+#: The types of paths.
+PATH: Any = str | PathLike
+
+
+def check_types(**given: tuple[Any, Any]) -> None:
+    """Check arguments, each given with its type or a union of types; texts are no lists, and True is no number."""
+    for name, (value, kind) in given.items():
+        kinds = get_args(kind) or (kind,)
+        if (
+            not isinstance(value, kind)
+            or (isinstance(value, bool) and bool not in kinds)
+            or (isinstance(value, str | bytes) and str not in kinds)
+        ):
+            words = " or ".join(WORDS.get(one, f"an evac.{one.__name__}") for one in kinds)
+            raise ScenarioError(f"{name} is {text_of(repr(value))} of type {type(value).__name__}; give {words}")

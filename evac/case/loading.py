@@ -1,20 +1,55 @@
-"""Load case.toml and overrides as a checked `Case`; all faults are reported together."""
+"""Load case.toml and overrides as a checked `Case`; plugin files that a case names are code, executed only if asked."""
 
 import copy
-from collections.abc import Iterable, Mapping
+import os
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from evac.base.arguments import PATH, check_types
 from evac.base.errors import PluginError, ScenarioError, escaped, usable_path
 from evac.base.keys import Fault, Key, with_own_classes
-from evac.base.parameters import did_you_mean
+from evac.base.parameters import PATH, check_types, did_you_mean
 from evac.case.case import DICTIONARY, Case, Origin
-from evac.case.content import content_faults, read_table
 from evac.case.faults import checked
-from evac.case.overrides import apply, dotted
-from evac.case.trust import named_files
+from evac.case.overrides import apply, content_faults, dotted, read_table
 from evac.contract.registry import Registry
+
+
+def named_files(content: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
+    """Return the plugin files named in a case that exist; none is opened."""
+    table = content.get("plugins")
+    names = table.get("files") if isinstance(table, dict) else None
+    words = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
+    return tuple(dict.fromkeys((folder / name).resolve() for name in words if os.path.isfile(folder / name)))
+
+
+def is_inside(path: Path, folder: Path) -> bool:
+    """Return whether a file lies in a folder or below it, with symbolic links resolved."""
+    return path.resolve().is_relative_to(folder.resolve())
+
+
+def run_plugin_files(case: Case, announce: Callable[[Path], None] | None = None) -> Case:
+    """Execute the plugin files of a case, and return the case with all its names checked.
+
+    Plugin files named in a case are code by the author of the case. They are executed only by this function, and only
+    if they are inside the case's folder, so that a case cannot execute other files of the computer. Files given in
+    addition to the case (``--plugin``, ``plugin_files``) have been executed when it was loaded.
+    """
+    if not case.unloaded_files:
+        return case
+    outside = [path for path in case.unloaded_files if not is_inside(path, case.folder)]
+    if outside:
+        raise ScenarioError(
+            f"{case.source}: plugins.files: {outside[0]} is outside of the case's folder and is not executed; if you "
+            f"trust it, give it with --plugin {outside[0]}, from Python with plugin_files"
+        )
+    for path in case.unloaded_files:
+        if announce is not None:
+            announce(path)
+        case.registry.add_file(path)
+    files = (*case.loaded_files, *case.unloaded_files)
+    return case_from(case._origin.table, case.source, plugin_files=files, registry=case.registry)
+
 
 #: Greatest number of faults in one error, and of characters of each.
 MOST_SHOWN, LONGEST_SHOWN = 50, 1_000
@@ -28,7 +63,7 @@ def load_case(
 ) -> Case:
     """Read and check a case. The file is parsed as data; no code that it contains or names is executed.
 
-    Plugin files named in the case are executed when the case is run (`evac.case.trust.run_plugin_files`). Names
+    Plugin files named in the case are executed when the case is run (`evac.case.loading.run_plugin_files`). Names
     that they may provide are checked then; until then `Case.unchecked` lists them.
 
     Parameters

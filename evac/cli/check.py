@@ -262,7 +262,7 @@ def _check_together(path: Path) -> str:
 
 def _show_unchecked(case: "Case", is_verbose: bool) -> None:
     """Show the plugin files of a case, which are not executed, and its building, if that needs none of them."""
-    from evac.case.trust import is_inside
+    from evac.case.loading import is_inside
     from evac.simulation.assembly import make_building
 
     rows = [

@@ -97,7 +97,7 @@ def case_to_run(arguments: argparse.Namespace) -> "Case":
 
 def with_plugin_files(case: "Case") -> "Case":
     """Execute the plugin files named in a case, which must be in its folder, and print their paths."""
-    from evac.case.trust import run_plugin_files
+    from evac.case.loading import run_plugin_files
 
     return run_plugin_files(case, announce_plugin_file)
 

@@ -33,7 +33,7 @@ COMMANDS = {
     "list": "cases",
     "check": "check",
     **dict.fromkeys(("import", "new"), "cases"),
-    "edit": "edit",
+    "edit": "cases",
     "explain": "check",
     **dict.fromkeys(("plugins", "schema", "cache"), "plugins"),
     "conditions": "check",

@@ -75,11 +75,9 @@ def execute_plugins(arguments: argparse.Namespace) -> int:
 def _check(file: str, others: list[str], case_name: str | None = None) -> int:
     """Check all plugins in a file, after those of --plugin; print a line for each; return 0, or 2 if one fails."""
     from evac.base.errors import EvacError
-    from evac.case.loading import load_case
-    from evac.case.trust import run_plugin_files
+    from evac.case.loading import load_case, run_plugin_files
     from evac.cli.main import BAD_INPUT
-    from evac.conformance import check_plugin
-    from evac.conformance.trial import tried_in
+    from evac.conformance import check_plugin, tried_in
     from evac.contract.registry import Registry
 
     registry, status = Registry([*others, file]), 0

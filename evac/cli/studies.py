@@ -330,7 +330,7 @@ def _case_of_sweep(arguments: argparse.Namespace, fixed: list[str]) -> "Case | N
 def _with_files_beside(folder: Path, case: "Case") -> "Case":
     """Execute the plugin files of a case that a table in a folder names; both must lie there."""
     from evac.base.errors import ScenarioError
-    from evac.case.trust import is_inside
+    from evac.case.loading import is_inside
 
     if case.unloaded_files and not is_inside(case.source, folder):
         raise ScenarioError(

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from evac.base.errors import EvacError, ScenarioError
-from evac.case.trust import is_inside
+from evac.case.loading import is_inside
 from evac.editor.patching import patched
 from evac.folder.files import writing
 from evac.importing import import_building

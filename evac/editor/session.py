@@ -26,11 +26,10 @@ from evac.case.loading import load_case
 from evac.case.schema import shipped_presets
 from evac.contract.registry import Registry
 from evac.editor.beginning import files_named, write_copy
-from evac.editor.designs import Designs
 from evac.editor.judging import floors_of, judge
 from evac.editor.patching import patched
 from evac.editor.pictures import Pictures
-from evac.editor.running import Runner
+from evac.editor.running import Designs, Runner
 from evac.folder.files import content_of, replacing
 from evac.folder.textfiles import plain, write_json
 from evac.people.starts import load_table

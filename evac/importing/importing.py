@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from evac.base.arguments import PATH, check_types
 from evac.base.errors import BuildingError, EvacError, ScenarioError, usable_path
-from evac.base.parameters import did_you_mean
+from evac.base.parameters import PATH, check_types, did_you_mean
 from evac.base.phases import shown_by
 from evac.building.model.building import Building
 from evac.building.model.findings import KINDS, Finding
@@ -22,15 +21,13 @@ from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.plan import Plan
 from evac.building.plan.plantable import plan_of_building, plan_text, table_of
 from evac.building.surface.build import building_of, clean
-from evac.building.surface.meshfile import tagged_surface, write_surface
 from evac.building.surface.resolution import Axis, likely_frame
-from evac.building.surface.surfacemesh import SurfaceMesh, checked
+from evac.building.surface.surfacemesh import SurfaceMesh, checked, tagged_surface, write_surface
 from evac.contract.hooks import BASES
 from evac.contract.registry import Registry
 from evac.folder.digests import digest_of_file
 from evac.folder.files import RUNNING, mark, read_manifest
-from evac.folder.lock import locked
-from evac.folder.resultfolder import is_empty
+from evac.folder.resultfolder import is_empty, locked
 from evac.importing.documents import MOST_OPENINGS, PLAN_HEAD, case_text, report_text
 from evac.importing.rooms import Opening, Room, fill, find_openings, find_rooms, with_missing
 from evac.people.starts import held_by, load_table

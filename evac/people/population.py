@@ -19,11 +19,10 @@ from evac.building.model.building import DOWN, FLAT, UP, Area, Building
 from evac.building.model.elevation import elevation
 from evac.building.model.findings import Finding
 from evac.building.surface.places import HEIGHT_REACH
-from evac.people.arrivals import Source, times_of_arrival
 from evac.people.behaviour import Behaviour, is_legal
 from evac.people.groups import check_people, contact_radii, opens_later, route_of
 from evac.people.placement import clearance, place
-from evac.people.starts import LeftOut, left_out, start_in, starts_of
+from evac.people.starts import LeftOut, Source, left_out, start_in, starts_of, times_of_arrival
 from evac.physics.motion import EXIT
 from evac.physics.state import Crowd, Events, make_crowd
 

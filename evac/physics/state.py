@@ -202,7 +202,7 @@ class World(Struct):
 
 
 class Bodies(Struct):
-    """The people still inside, in the order of `evac.physics.order` at the start of a tick.
+    """The people still inside, in the order of `evac.physics.engine` at the start of a tick.
 
     A body keeps its row until the next tick, so the order of sums and sweeps depends only on the people.
     The level is -1 for bodies that have left during the tick.

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.analysis.maps import LevelMaps, level_maps
-from evac.base.arguments import PATH, check_types
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError, counted
+from evac.base.parameters import PATH, check_types
 from evac.building.model.building import Building
 from evac.report import figures
 from evac.report.pages import KINDS, Cell, fixed, rendered

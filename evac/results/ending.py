@@ -1,11 +1,13 @@
-"""How a run ends: with everybody out, when its duration is over, or when nobody makes progress towards an exit."""
+"""What judges a run: how it ends, and checks of velocities, forces, overlaps and densities during it."""
 
+import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.arrays import BoolArray, IntArray
+from evac.base.arrays import BoolArray, FloatArray, IntArray
 from evac.base.saved import Bounds, Saved
 from evac.directions.fields import Fields
 from evac.physics.state import Crowd
@@ -14,6 +16,229 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from evac.case.schema import SimulationSettings
+
+#: Time over which the speeds of each person are averaged [s].
+SPAN = 2.0
+
+#: Time over which contact forces, which vary from step to step, are averaged [s]. They are sampled at the recorded
+#: times, and the mean is over at least this number of samples.
+FORCE_SPAN = 5.0
+FEWEST_FRAMES = 10
+
+#: Contacts chatter if the magnitude of the contact model's velocity is more than this factor times the speed of the
+#: displacement, and exceeds it by more than this [m/s].
+CHATTER_RATIO = 2.0
+CHATTER_EXCESS = 0.2
+
+#: Forces in fatal accidents: per person [N], and per metre of a body's width [N/m].
+CRUSHING_FORCE = 6000.0
+CRUSHING_LOAD = 4500.0
+
+
+#: Number of people per square metre that is exceeded for this time [s] in a dense crowd, and the time between samples.
+DENSITY = 6.0
+DENSITY_SPAN = 10.0
+DENSITY_EVERY = 1.0
+
+
+@dataclass(frozen=True)
+class Observation:
+    """People for whom a quantity exceeded its limit, with the time and place of its greatest value."""
+
+    people: int  # number of different people
+    since: float  # start of the first averaging interval in which the limit was exceeded [s]
+    until: float  # end of the last one [s]
+    begin: float  # the averaging interval with the greatest value [s]
+    end: float
+    person: int  # with the greatest value
+    level: int
+    x: float  # position of that person at `end` [m]
+    y: float
+    # Means over that interval. For chatter: magnitudes of the contact model's velocity and of the displacement
+    # velocity [m/s]; for crushing: contact force through the body [N], and per metre of its width [N/m]. For overlaps:
+    # the greatest in that tick [m], and as a share of the radius. For density: the mean number of people on the
+    # square metre around the person, which was above the limit at each sample.
+    values: tuple[float, float]
+
+
+class Watch(Saved):
+    """Averages speeds and contact forces of each person over intervals, and records values above the limits.
+
+    The force through a body is half the sum of its contact forces, since a person who is pressed from one side is
+    supported from the other; its width is its diameter. People who leave within an interval are excluded from it.
+    Radii (n,) are in metres, as is the overlap that the contact model promises; `tick` and `every` are the times
+    between two samples of velocities, and of forces [s].
+    """
+
+    saved = ("_speeds", "_forces", "_densities", "_chatter", "_crushing", "_overlaps", "_dense")
+
+    def __init__(self, radius: FloatArray, levels: int, tick: float, every: float, promised: float = np.inf) -> None:
+        self._width, self._tick, self.promised = 2.0 * radius, tick, promised
+        self._speeds = _Means(len(radius), max(1, round(SPAN / tick)))
+        self._forces = _Means(len(radius), max(FEWEST_FRAMES, round(FORCE_SPAN / every)))
+        self._ticks = max(1, round(DENSITY_EVERY / tick))
+        self._densities = _Means(len(radius), round(DENSITY_SPAN / DENSITY_EVERY))
+        notes = (_Notes(len(radius), levels) for _ in range(4))
+        self._chatter, self._crushing, self._overlaps, self._dense = notes
+
+    def look(self, time: float, crowd: Crowd, displacement_velocity: FloatArray, is_recorded: bool = True) -> None:
+        """Look at the people at the end of a tick [s], with displacements divided by its length (n, 2) [m/s].
+
+        Contact forces are sampled only if this state is recorded.
+        """
+        inside = crowd.level >= 0
+        if self._speeds.add(time, inside, np.hypot(*crowd.velocity.T), np.hypot(*displacement_velocity.T)):
+            begin, stayed, (velocity, displacement) = self._speeds.take()
+            excess = velocity - displacement
+            noticed = stayed & (excess > CHATTER_EXCESS) & (velocity > CHATTER_RATIO * displacement)
+            self._chatter.note(noticed, excess, (velocity, displacement), begin, time, crowd)
+        large = crowd.overlap > self.promised
+        if large.any():
+            values = crowd.overlap, 2.0 * crowd.overlap / self._width
+            self._overlaps.note(large & inside, crowd.overlap, values, max(time - self._tick, 0.0), time, crowd)
+        if is_recorded:
+            self._look_at_forces(time, crowd, inside)
+        if round(time / self._tick) % self._ticks == 0:
+            density = densities(crowd, DENSITY)
+            if self._densities.add(time, inside, density, density > DENSITY):
+                begin, stayed, (density, share) = self._densities.take()
+                self._dense.note(stayed & (share == 1.0), density, (density, density), begin, time, crowd)
+
+    def _look_at_forces(self, time: float, crowd: Crowd, inside: BoolArray) -> None:
+        """Add a sample of the contact forces."""
+        force = 0.5 * crowd.contact_force
+        if self._forces.add(time, inside, force, force / self._width):
+            begin, stayed, (force, load) = self._forces.take()
+            noticed = stayed & ((force > CRUSHING_FORCE) | (load > CRUSHING_LOAD))
+            self._crushing.note(noticed, load, (force, load), begin, time, crowd)
+
+    def chatter(self) -> Observation | None:
+        """Return people who moved much more slowly than with the contact model's velocities, or None."""
+        return self._chatter.observation()
+
+    def crushing(self) -> Observation | None:
+        """Return people with lethal contact forces, or None."""
+        return self._crushing.observation()
+
+    def overlaps(self) -> Observation | None:
+        """Return people who overlapped others or walls by more than the contact model guarantees, or None."""
+        return self._overlaps.observation()
+
+    def dense(self) -> Observation | None:
+        """Return people in a crowd that was too dense for too long, or None."""
+        return self._dense.observation()
+
+
+def densities(crowd: Crowd, limit: float = 0.0) -> FloatArray:
+    """Return the number of people inside on the disc of one square metre around each person, (n,) [1/m2].
+
+    It is 0 where the squares around the disc show that it is at most `limit`. People are sorted by square cells as
+    wide as the radius of the disc, so that it lies in nine of them.
+    """
+    density, inside = np.zeros(len(crowd.level)), np.flatnonzero(crowd.level >= 0)
+    place, radius = crowd.position.take(inside, 0), math.sqrt(1.0 / math.pi)
+    if len(inside) <= limit:
+        return density
+    column, row = np.floor((place - place.min(axis=0)) / radius).astype(np.int64).T + 1
+    height = row.max() + 2
+    cell = (crowd.level[inside] * (column.max() + 2) + column) * height + row
+    order = np.argsort(cell, kind="stable")
+    around = cell + np.array([[-height], [0], [height]])
+    first, after = np.searchsorted(cell[order], np.stack([around - 1, around + 2]))
+    counted = np.flatnonzero((after - first).sum(axis=0) > limit)
+    number, end = (after - first)[:, counted].ravel(), after[:, counted].ravel()
+    middle = np.repeat(np.tile(counted, 3), number)
+    other = order[np.arange(len(middle)) + np.repeat(end - np.cumsum(number), number)]
+    near = np.hypot(*(place.take(middle, 0) - place.take(other, 0)).T) <= radius
+    density[inside] = np.bincount(middle[near], minlength=len(inside))
+    return density
+
+
+class _Means(Saved):
+    """Means of two quantities of each person over intervals of `length` samples."""
+
+    saved = ("sums", "inside", "looks", "times")
+
+    def __init__(self, people: int, length: int) -> None:
+        self.sums = np.zeros((2, people))
+        self.inside = np.ones(people, np.uint8)  # 1: at every sample of the interval so far
+        self.looks = np.array([0, length])  # number of samples in this interval so far, and in a complete one
+        self.times = np.zeros(2)  # last sample of the previous interval and of this one [s]
+
+    def add(self, time: float, inside: BoolArray, first: FloatArray, second: FloatArray | BoolArray) -> bool:
+        """Add one sample; return whether the interval is complete."""
+        self.sums[0] += first
+        self.sums[1] += second
+        self.inside[:] &= inside
+        self.looks[0] += 1
+        self.times[1] = time
+        return bool(self.looks[0] == self.looks[1])
+
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of the sums and numbers of samples."""
+        length = self.looks[1]
+        looks = Bounds((0, length), (length - 1, length))
+        return {"sums": Bounds(0.0), "inside": Bounds(0, 1), "looks": looks, "times": Bounds(0.0)}
+
+    def take(self) -> tuple[float, BoolArray, FloatArray]:
+        """Return the start of the interval [s], who was always inside, and means (2, n); begin the next interval."""
+        begin, inside, means = float(self.times[0]), self.inside.astype(bool), self.sums / self.looks[0]
+        self.sums[:] = 0.0
+        self.inside[:] = 1
+        self.looks[0] = 0
+        self.times[0] = self.times[1]
+        return begin, inside, means
+
+
+class _Notes(Saved):
+    """Accumulated observations of all intervals."""
+
+    saved = ("concerned", "between", "greatest", "of_whom", "values")
+
+    def __init__(self, people: int, levels: int) -> None:
+        self._most = people - 1, levels - 1
+        self.concerned = np.zeros(people, np.uint8)
+        self.between = np.zeros(2)  # since, until [s]
+        self.greatest = np.zeros(1)
+        self.of_whom = np.zeros(2, np.int64)  # person, level
+        self.values = np.zeros(6)  # begin, end [s], x, y [m], the two means
+
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of people, levels, times and measures."""
+        whom = {"concerned": Bounds(0, 1), "of_whom": Bounds(0, self._most)}
+        return whom | {"between": Bounds(0.0), "greatest": Bounds(0.0)}
+
+    def note(
+        self,
+        noticed: BoolArray,
+        measure: FloatArray,
+        means: tuple[FloatArray, FloatArray],
+        begin: float,
+        end: float,
+        crowd: Crowd,
+    ) -> None:
+        """Add the people `noticed` in the interval from `begin` to `end` [s], and keep the greatest `measure`."""
+        if not noticed.any():
+            return
+        if not self.concerned.any():
+            self.between[0] = begin
+        self.between[1] = end
+        self.concerned[noticed] = 1
+        p = int(np.argmax(np.where(noticed, measure, -np.inf)))
+        if measure[p] > self.greatest[0]:
+            self.greatest[0] = measure[p]
+            self.of_whom[:] = p, crowd.level[p]
+            self.values[:] = begin, end, *crowd.position[p], means[0][p], means[1][p]
+
+    def observation(self) -> Observation | None:
+        """Return the observation, or None if there is none."""
+        people = int(self.concerned.sum())
+        if not people:
+            return None
+        (since, until), (person, level) = self.between.tolist(), self.of_whom.tolist()
+        begin, end, x, y, first, second = self.values.tolist()
+        return Observation(people, since, until, begin, end, person, level, x, y, (first, second))
+
 
 EVERYBODY_OUT = "everybody out"
 EVERYBODY_SAFE = "everybody out or at a safe place"

@@ -15,7 +15,7 @@ from evac.base.change import Change, changes_in_words
 from evac.base.errors import counted
 from evac.building.model.building import FLAT, Building, Exit
 from evac.directions.routes import QUICKEST
-from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, DENSITY, DENSITY_SPAN, Observation
+from evac.results.ending import CRUSHING_FORCE, CRUSHING_LOAD, DENSITY, DENSITY_SPAN, Observation
 
 if TYPE_CHECKING:
     from evac.results.results import Results

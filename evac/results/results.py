@@ -38,6 +38,7 @@ from evac.folder.textfiles import Amount, Count, adapter, plain, write_csv, writ
 from evac.people.places import PeopleAt
 from evac.people.population import Group
 from evac.physics.state import Crowd
+from evac.results.ending import Observation
 from evac.results.phases import PhaseUse, phases_of
 from evac.results.quality import (
     chatter_warning,
@@ -50,7 +51,6 @@ from evac.results.quality import (
 )
 from evac.results.recordedcase import CaseTable
 from evac.results.verdict import Verdict, verdict_of
-from evac.results.watch import Observation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,9 +12,9 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from evac.base.arguments import PATH, check_types
 from evac.base.display import displayed
 from evac.base.errors import EvacError, FolderWarning, ResultError, ScenarioError, in_one_line, warn
+from evac.base.parameters import PATH, check_types
 from evac.base.phases import Progress
 from evac.case.loading import as_case
 from evac.folder.files import (

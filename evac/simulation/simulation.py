@@ -10,32 +10,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.arguments import PATH, check_types
 from evac.base.arrays import FloatArray
 from evac.base.change import LIFT
 from evac.base.errors import EvacError, PluginError, naming, noting, plugin_code
+from evac.base.parameters import PATH, check_types
 from evac.base.phases import Phases, Progress
 from evac.base.saved import Bounds, Saved, SavedError, part_of, state_of
 from evac.building.model.building import Building
 from evac.building.model.findings import Finding, as_findings, keyed, warnings_of
 from evac.building.model.narrow import narrow_places
-from evac.case.loading import as_case
+from evac.case.loading import as_case, run_plugin_files
 from evac.case.schema import LONGEST_RUN
-from evac.case.trust import run_plugin_files
 from evac.contract.registry import Registry
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.jit.loading import Compiling, addresses_of
-from evac.people.groups import check_people
+from evac.people.groups import check_people, unusual
 from evac.people.outside import PeopleOutside
 from evac.people.population import INITIAL
 from evac.people.starts import with_numbers
-from evac.people.unusual import unusual
 from evac.people.ways import cut_off, without_way
 from evac.physics.state import copy_of
-from evac.results.ending import INTERRUPTED, Ending
+from evac.results.ending import INTERRUPTED, Ending, Watch
 from evac.results.results import Results, results_of
-from evac.results.watch import Watch
 from evac.simulation import assembly, needed
 from evac.simulation.deciding import Deciding
 from evac.simulation.loop import Loop

@@ -10,11 +10,9 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
-from evac.base.arguments import PATH, check_types
 from evac.base.errors import EvacError, PluginError, ResultError, ScenarioError, warn
-from evac.base.parameters import did_you_mean
-from evac.case.loading import as_case
-from evac.case.trust import run_plugin_files
+from evac.base.parameters import PATH, check_types, did_you_mean
+from evac.case.loading import as_case, run_plugin_files
 from evac.folder.files import RUNS_STREAM_NAME, STUDY_NAME
 from evac.folder.resultfolder import ResultFolder, remove_written
 from evac.jit.loading import cores

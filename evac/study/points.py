@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import ScenarioError
-from evac.case.trust import run_plugin_files
+from evac.case.loading import run_plugin_files
 
 if TYPE_CHECKING:
     from evac.case.case import Case

@@ -5,8 +5,8 @@ from numbers import Real
 
 import pytest
 
-from evac.base.arguments import check_types
 from evac.base.errors import ScenarioError
+from evac.base.parameters import check_types
 
 
 @pytest.mark.parametrize(

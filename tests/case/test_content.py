@@ -3,8 +3,8 @@
 import pytest
 
 from evac.base.errors import ScenarioError
-from evac.case.content import MOST_BYTES, MOST_NESTED
 from evac.case.loading import case_from, load_case
+from evac.case.overrides import MOST_BYTES, MOST_NESTED
 
 
 @pytest.fixture

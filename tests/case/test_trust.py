@@ -6,7 +6,7 @@ import pytest
 
 import evac
 from evac.base.errors import ScenarioError
-from evac.case.trust import run_plugin_files
+from evac.case.loading import run_plugin_files
 from evac.cli import main
 from evac.contract.registry import Registry
 

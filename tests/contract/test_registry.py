@@ -7,8 +7,7 @@ import pytest
 
 from evac.base.errors import BuildingError, PluginError
 from evac.contract.hooks import INTERFACE
-from evac.contract.registry import Registry, built_in
-from evac.contract.requirements import RETURNED_BY
+from evac.contract.registry import RETURNED_BY, Registry, built_in
 from evac.physics.contact.model import ContactModel
 
 SPRING = """

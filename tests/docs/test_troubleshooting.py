@@ -8,7 +8,7 @@ from contextlib import redirect_stderr, redirect_stdout
 import pytest
 
 from evac.cli.main import main
-from evac.folder.lock import locked
+from evac.folder.resultfolder import locked
 from tests.docs.conftest import ROOT
 
 #: Rows whose messages need another environment.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from evac.base.errors import ResultError
-from evac.folder.checkpoint import read_checkpoint, write_checkpoint
+from evac.simulation.checkpoints import read_checkpoint, write_checkpoint
 
 ARRAYS = {
     "floats": np.array([[0.1, -0.0], [np.nan, np.inf]]),

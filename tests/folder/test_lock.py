@@ -9,12 +9,12 @@ import sys
 import pytest
 
 from evac.base.errors import FolderWarning, ResultError
-from evac.folder.lock import locked
+from evac.folder.resultfolder import locked
 
 HOLD = """
 import sys, time
 from pathlib import Path
-from evac.folder.lock import locked
+from evac.folder.resultfolder import locked
 with locked(Path(sys.argv[1]), "r"):
     print("held", flush=True)
     time.sleep(60)

@@ -3,8 +3,8 @@ import re
 import numpy as np
 import pytest
 
+from evac.people.groups import overlapping, unusual
 from evac.people.population import Group
-from evac.people.unusual import overlapping, unusual
 from evac.physics.state import make_crowd
 
 

@@ -8,7 +8,7 @@ from evac.base.saved import SavedError
 from evac.jit import pair_friction
 from evac.physics.contact.model import ContactModel
 from evac.physics.contact.pair_contact import PairContact
-from evac.physics.order import rows_by_place
+from evac.physics.engine import rows_by_place
 from evac.physics.state import Events, allocate, copy_of, make_crowd, make_room_for_contacts
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1

@@ -6,7 +6,7 @@ import pytest
 from evac.jit import Ints, Pairs, kernel
 from evac.physics.contact.contacts import find_contacts
 from evac.physics.contact.neighbours import build_lists, sort_by_level
-from evac.physics.order import gather
+from evac.physics.engine import gather
 from evac.physics.seams import reaches
 from evac.physics.state import (
     CELLS_PER_LEVEL,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.physics.order import PER_METRE, along_curve, rows_by_place, rows_by_travel_time
+from evac.physics.engine import PER_METRE, along_curve, rows_by_place, rows_by_travel_time
 from evac.physics.state import make_crowd
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1

@@ -14,8 +14,7 @@ from evac.building.model.building import Place
 from evac.building.model.links import close_links
 from evac.pictures import palette
 from evac.pictures.floorplan import draw_plans
-from evac.pictures.pawns import HIDDEN, draw_people
-from evac.pictures.render import Renderer, render_animation, render_picture
+from evac.pictures.render import HIDDEN, Renderer, draw_people, render_animation, render_picture
 from evac.pictures.scales import COLOURINGS, colouring
 from evac.pictures.scene import MARGIN, view_of
 from evac.pictures.view import Camera, aim

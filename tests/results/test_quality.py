@@ -9,8 +9,8 @@ import shapely
 import evac
 from evac.analysis.lines import LineFlow
 from evac.base.change import Change
+from evac.results.ending import Observation
 from evac.results.quality import chatter_warning, closings, contact_warnings, crushing_warning, flow_warnings
-from evac.results.watch import Observation
 
 ALL_RIGHT = {
     "model": "dem",

@@ -9,7 +9,7 @@ from evac.contract.registry import Registry
 from evac.directions.routes import Route
 from evac.people.behaviour import Behaviour
 from evac.physics.contact.model import ContactModel
-from evac.results.watch import Observation
+from evac.results.ending import Observation
 
 
 def test_counts_and_exit_status(results):

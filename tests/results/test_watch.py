@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.physics.state import make_crowd
-from evac.results.watch import CRUSHING_FORCE, CRUSHING_LOAD, DENSITY, FEWEST_FRAMES, Watch, densities
+from evac.results.ending import CRUSHING_FORCE, CRUSHING_LOAD, DENSITY, FEWEST_FRAMES, Watch, densities
 
 
 def crowd_of(speeds, forces=0.0, **of):

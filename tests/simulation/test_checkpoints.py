@@ -14,11 +14,10 @@ import pytest
 
 import evac
 from evac.base.errors import EvacError, FolderWarning, PluginError, ResultError
-from evac.folder.checkpoint import write_checkpoint
 from evac.folder.files import CHECKPOINT_NAME
 from evac.replay.writer import replay_trajectory
 from evac.results.ending import Stopped
-from evac.simulation.checkpoints import find_checkpoint
+from evac.simulation.checkpoints import find_checkpoint, write_checkpoint
 from tests.runs import two_doors
 
 QUIET = {"output.picture": False, "output.animation": False}
