@@ -16,13 +16,13 @@ from evac.building.model.building import Building
 from evac.building.model.links import ways_onto
 from evac.directions.routes import Route
 from evac.people.behaviour import Behaviour
-from evac.people.population import Group
 from evac.physics.extent import extent, greatest_extent
 from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.case.schema import GroupSettings
+    from evac.people.population import Group
 
 
 def route_of(people: "GroupSettings") -> Route:
@@ -155,7 +155,7 @@ USUAL = (
 ROUNDING = 1e-6
 
 
-def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
+def unusual(crowd: Crowd, groups: "Sequence[Group]") -> tuple[str, ...]:
     """Return a warning for each quantity of a group outside its usual range, and one for initial overlaps."""
     notes = []
     for group in groups:

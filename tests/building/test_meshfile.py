@@ -4,7 +4,8 @@ import numpy as np
 from shapely import box
 
 from evac.building.surface.build import build_building
-from evac.building.surface.surfacemesh import SurfaceMesh, write_surface
+from evac.building.surface.meshfile import write_surface
+from evac.building.surface.surfacemesh import SurfaceMesh
 from evac.simulation.assembly import read_building
 
 
