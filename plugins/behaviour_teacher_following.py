@@ -12,7 +12,7 @@ from evac.building.model.building import FLAT
 from evac.directions.fields import PackedFields
 from evac.directions.sampling import column_of, sample_travel_time
 from evac.jit import Bytes, Floats, Ints, Struct, inner, kernel
-from evac.jit.structs import FloatGrid
+from evac.jit.kernels import FloatGrid
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
 

@@ -62,7 +62,7 @@ def _check_building(arguments: argparse.Namespace, path: Path) -> int:
     """Show what is in a building file."""
     from evac.base.errors import ScenarioError
     from evac.building.model.findings import refusal
-    from evac.building.surface.checks import check_exits
+    from evac.building.surface.build import check_exits
     from evac.contract.registry import Registry
     from evac.simulation.assembly import read_building
 

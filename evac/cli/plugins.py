@@ -190,9 +190,8 @@ def _compile_all(plugins: list[str]) -> None:
 
 def _show_cache() -> None:
     """Print the folder, the number and size of kernels, and the versions and processor they are compiled for."""
-    from evac.jit.digest import versions
     from evac.jit.loading import host
-    from evac.jit.store import exposure, user_store
+    from evac.jit.store import exposure, user_store, versions
 
     store = user_store()
     files = store.entries() if store else []

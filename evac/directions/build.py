@@ -17,7 +17,7 @@ from evac.building.geometry import connected_components
 from evac.building.model.building import Area, Building, Exit
 from evac.building.model.links import levels_reaching
 from evac.building.model.narrow import gaps_below, gaps_between_walls
-from evac.building.surface.checks import measures
+from evac.building.surface.build import measures
 from evac.directions.cellwalls import find_cell_walls
 from evac.directions.classes import BodyClass, find_classes
 from evac.directions.descent import descend

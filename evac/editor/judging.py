@@ -16,8 +16,7 @@ from evac.building.model.findings import PART, Finding, findings_of, numbered_ro
 from evac.building.model.links import levels_reaching
 from evac.building.options import BuildingOptions
 from evac.building.plan.plantable import plan_of
-from evac.building.surface.build import build_building
-from evac.building.surface.checks import check_exits
+from evac.building.surface.build import build_building, check_exits
 from evac.case.loading import case_from
 from evac.contract.registry import Registry
 from evac.people.groups import check_people

@@ -1,8 +1,10 @@
 """What is edited: the plan in a file, what was judged of it, and the journal of what is not saved yet."""
 
+import base64
 import difflib
 import hashlib
 import json
+import math
 import queue
 import shutil
 import threading
@@ -17,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from evac.base.distributions import parse
-from evac.base.errors import BuildingError, EvacError
+from evac.base.errors import BuildingError, EvacError, ScenarioError
 from evac.base.processes import Pool
 from evac.building.plan.plan import PLAN
 from evac.building.plan.plantable import read_table
@@ -28,12 +30,61 @@ from evac.contract.registry import Registry
 from evac.editor.beginning import files_named, write_copy
 from evac.editor.judging import floors_of, judge
 from evac.editor.patching import patched
-from evac.editor.pictures import Pictures
 from evac.editor.running import Designs, Runner
 from evac.folder.files import content_of, replacing
 from evac.folder.textfiles import plain, write_json
 from evac.people.starts import load_table
 from evac.simulation.assembly import make_building
+
+#: Ending of the name of the file with the pictures.
+PICTURES = ".pictures"
+#: First bytes of the formats that are shown, which browsers draw without executing anything.
+SIGNS = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff")
+MOST_BYTES = 20_000_000
+
+
+class Pictures:
+    """The pictures of the storeys of a file: of each, its content, its lower left corner and its width [m]."""
+
+    def __init__(self, file: Path) -> None:
+        self.file, self._lock = file.with_name(file.name + PICTURES), threading.Lock()
+
+    def all(self) -> dict[str, Any]:
+        """Return the pictures by storey; none if the file is not valid."""
+        with suppress(OSError, ValueError, AttributeError, ScenarioError, LookupError, TypeError):
+            return {storey: _checked(row) for storey, row in json.loads(content_of(self.file)).items()}
+        return {}
+
+    def put(self, storey: str, given: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Keep the picture of a storey, or only where it is if its ``data`` is not given; None takes it away.
+
+        Raises
+        ------
+        EvacError
+            It is neither PNG nor JPEG, or too large, or it is nowhere; or the file cannot be written.
+        """
+        with self._lock:
+            rows = self.all()
+            if given is None:
+                rows.pop(storey, None)
+            else:
+                rows[storey] = _checked({**rows.get(storey, {}), **given})
+            if rows:
+                write_json(self.file, rows, "the pictures")
+            else:
+                self.file.unlink(missing_ok=True)
+        return {"storeys": list(rows)}
+
+
+def _checked(row: Mapping[str, Any]) -> dict[str, Any]:
+    data, at, width = str(row["data"]), [float(value) for value in row["at"]], float(row["width"])
+    content = base64.b64decode(data, validate=True)
+    if not content.startswith(SIGNS) or len(content) > MOST_BYTES:
+        raise ScenarioError(f"this is no PNG or JPEG of at most {MOST_BYTES // 1_000_000} MB; save the picture as one")
+    if len(at) != 2 or not all(map(math.isfinite, [*at, width])) or width <= 0.0:
+        raise ScenarioError("a picture needs a place and a width above 0 m")
+    return {"data": data, "at": at, "width": width}
+
 
 #: Ending of the name of the journal, which is beside the file.
 JOURNAL = ".unsaved"

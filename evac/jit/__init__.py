@@ -4,26 +4,26 @@ from collections.abc import Callable
 from typing import Any
 
 from evac.jit.kernels import AddressCall as AddressCall
+from evac.jit.kernels import ByteGrid as ByteGrid
+from evac.jit.kernels import Bytes as Bytes
 from evac.jit.kernels import Callback as Callback
 from evac.jit.kernels import Entry as Entry
+from evac.jit.kernels import FloatGrid as FloatGrid
+from evac.jit.kernels import Floats as Floats
+from evac.jit.kernels import Indices as Indices
+from evac.jit.kernels import IntGrid as IntGrid
+from evac.jit.kernels import IntPairs as IntPairs
 from evac.jit.kernels import Intrinsic as Intrinsic
+from evac.jit.kernels import Ints as Ints
 from evac.jit.kernels import Kernel as Kernel
+from evac.jit.kernels import Longs as Longs
+from evac.jit.kernels import Pairs as Pairs
+from evac.jit.kernels import Quads as Quads
+from evac.jit.kernels import Struct as Struct
+from evac.jit.kernels import Triples as Triples
 from evac.jit.kernels import inlined as inlined
 from evac.jit.kernels import inner as inner
 from evac.jit.kernels import kernel as kernel
-from evac.jit.structs import ByteGrid as ByteGrid
-from evac.jit.structs import Bytes as Bytes
-from evac.jit.structs import FloatGrid as FloatGrid
-from evac.jit.structs import Floats as Floats
-from evac.jit.structs import Indices as Indices
-from evac.jit.structs import IntGrid as IntGrid
-from evac.jit.structs import IntPairs as IntPairs
-from evac.jit.structs import Ints as Ints
-from evac.jit.structs import Longs as Longs
-from evac.jit.structs import Pairs as Pairs
-from evac.jit.structs import Quads as Quads
-from evac.jit.structs import Struct as Struct
-from evac.jit.structs import Triples as Triples
 
 #: Return a b + c, rounded once (fused multiply-add): identical on all processors, with half the latency.
 fused = Intrinsic("fused", lambda a, b, c: a * b + c)

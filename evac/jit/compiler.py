@@ -30,10 +30,10 @@ from numba.core.typing.typeof import typeof_impl
 from numba.cpython import mathimpl
 
 from evac.base.errors import PluginError, fault
-from evac.jit.digest import kernels_in
 from evac.jit.instructions import BUILTINS, type_of
 from evac.jit.kernels import NOTE_RAISED, Entry, Kernel
 from evac.jit.loading import host
+from evac.jit.store import kernels_in
 
 # numba reads this file before each compilation. One of the current folder must not decide what is compiled.
 numba.core.config._config_fname = os.devnull

@@ -18,8 +18,7 @@ from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, inf
 from numba.core.typing.typeof import typeof_impl
 from numba.extending import lower_builtin, lower_cast, lower_getattr_generic, lower_setattr_generic, register_model
 
-from evac.jit.kernels import AddressCall, Intrinsic
-from evac.jit.structs import Array, Kind, Struct, describe
+from evac.jit.kernels import AddressCall, Array, Intrinsic, Kind, Struct, describe
 
 _WORD = ir.IntType(64)
 _ADDRESS = _WORD.as_pointer()

@@ -23,9 +23,8 @@ from typing import Any, NamedTuple
 from llvmlite import binding as llvm
 
 from evac.base.errors import CacheWarning, EvacError, PluginError
-from evac.jit.digest import digest_of, kernels_in
 from evac.jit.kernels import INTERPRETED, NOTE_RAISED, Entry, entries_of, note_raised
-from evac.jit.store import Store, user_store
+from evac.jit.store import Store, digest_of, kernels_in, user_store
 
 #: Least version of numba, and the least that is too new: the compiler builds on the inside of those between them.
 NUMBA = (0, 62), (0, 69)

@@ -13,13 +13,14 @@ Contact models written in NumPy make the same calls from Python, see `ContactMod
 from evac.jit import AddressCall, Struct, inner, kernel
 from evac.physics import tallies as at
 from evac.physics.contact.contacts import (
+    call_memory,
     find_contacts,
     keep_percussions,
+    mark_start,
     normal_velocity,
     report_contact_force,
     set_reach,
 )
-from evac.physics.contact.memory import call_memory, mark_start
 from evac.physics.contact.neighbours import build_lists
 from evac.physics.contact.overlaps import call_separate
 from evac.physics.drive import drive, set_desired

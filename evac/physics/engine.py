@@ -18,7 +18,7 @@ from evac.jit import AddressCall, Bytes, Callback, Entry, call_body_force, call_
 from evac.jit.loading import addresses_of
 from evac.physics import driver, status
 from evac.physics import tallies as at
-from evac.physics.contact.memory import memory_by_person, recall, remember_by_person, retain
+from evac.physics.contact.contacts import memory_by_person, recall, remember_by_person, retain
 from evac.physics.contact.model import ContactModel, SolvedContactModel
 from evac.physics.contact.overlaps import separate
 from evac.physics.contact.packing import check_indices, cutoff_of, is_of_person, pack_forces, packed_row

@@ -19,7 +19,7 @@ from evac.jit import (
     Struct,
     Triples,
 )
-from evac.jit.structs import Array
+from evac.jit.kernels import Array
 from evac.physics import tallies as at
 
 #: Firmness of people who stand firm, whom the push of others does not move.
@@ -350,7 +350,7 @@ class Contacts(Struct):
     kept_percussion: Floats  # saved percussions
     kept_friction: Floats
     sticky: Bytes  # 1: the tangential law acts
-    memory: FloatGrid  # (contacts + 1, width) what the law keeps, see `evac.physics.contact.memory`; a row for trials
+    memory: FloatGrid  # (contacts + 1, width) what the law keeps, see `evac.physics.contact.contacts`; a row for trials
     picked: Ints  # scratch: bodies in reach of one
     near: NearWalls  # scratch for the wall search: distance, normal, wall, nearest point
     deepest: float  # largest overlap at the start of the sub-step [m]

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from evac.analysis.lines import LineFlow, line_flows
-from evac.analysis.occupancy import Moves, recorded_moves
+from evac.analysis.lines import LineFlow, Moves, line_flows, recorded_moves
 from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.distributions import as_text

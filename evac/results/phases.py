@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from typing_extensions import TypedDict
 
-from evac.analysis.occupancy import Moves
+from evac.analysis.lines import Moves
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
 from evac.building.model.building import Building

@@ -16,8 +16,19 @@ from pydantic_core import core_schema
 from typing_extensions import TypedDict
 
 from evac.analysis.hydraulic import DesignFlow, design_flows, hydraulic_time
-from evac.analysis.lines import ExitUse, FlowUse, LineFlow, exit_table, flow_rows, line_flows, link_flows, totals
-from evac.analysis.occupancy import Moves, Occupancy, moves_of
+from evac.analysis.lines import (
+    ExitUse,
+    FlowUse,
+    LineFlow,
+    Moves,
+    Occupancy,
+    exit_table,
+    flow_rows,
+    line_flows,
+    link_flows,
+    moves_of,
+    totals,
+)
 from evac.analysis.queues import Queue, find_queues
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
@@ -194,7 +205,7 @@ class Results:
     start_level : (n,) int32
     crossings : tuple of (m,) int32, (m,) int32, (m,) float64 [s]
         Person, portal and time of every crossing of a portal, in the order of the log; see
-        `evac.analysis.occupancy.moves_of`.
+        `evac.analysis.lines.moves_of`.
     stuck : sequence of int
         People inside at the end who had made no progress for 10 s, or for ``no_progress`` if that is less.
     exposure : mapping of str to (n,) float64

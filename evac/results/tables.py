@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from evac.analysis.congestion import DENSITY
-from evac.analysis.lines import ExitUse, FlowUse
-from evac.analysis.occupancy import Occupancy
+from evac.analysis.lines import ExitUse, FlowUse, Occupancy
 from evac.base.arrays import FloatArray
 from evac.base.change import LIFT
 from evac.base.errors import in_order

@@ -25,9 +25,9 @@ from evac.folder.digests import differences, digest_of_data, digest_of_file
 from evac.folder.files import CHECKPOINT_NAME, content_of, replacing
 from evac.folder.resultfolder import ResultFolder, find_result, is_link, is_within
 from evac.folder.textfiles import checked, plain
-from evac.jit.digest import digest_of
 from evac.jit.kernels import INTERPRETED
 from evac.jit.loading import host
+from evac.jit.store import digest_of
 from evac.people.behaviour import Behaviour
 from evac.physics.contact.model import ContactModel
 from evac.results.ending import INTERRUPTED

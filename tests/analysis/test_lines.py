@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from shapely import LineString
 
-from evac.analysis.lines import exit_table, flow_rows, line_flows, link_flows, steady_flow
-from evac.analysis.occupancy import moves_of
+from evac.analysis.lines import exit_table, flow_rows, line_flows, link_flows, moves_of, steady_flow
 from evac.building.model.building import Door, Place
 from tests.physics.scenes import make_building
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from evac.analysis.occupancy import Moves, Occupancy, moves_of
+from evac.analysis.lines import Moves, Occupancy, moves_of
 from evac.base.errors import ResultError
 
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evac.analysis.lines import link_flows
-from evac.analysis.occupancy import recorded_moves
+from evac.analysis.lines import link_flows, recorded_moves
 from evac.analysis.queues import find_queues
 
 

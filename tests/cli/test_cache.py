@@ -6,7 +6,7 @@ import pytest
 
 from evac.cli import main, plugins
 from evac.jit import store
-from evac.jit.digest import versions
+from evac.jit.store import versions
 
 PLUGIN = """
 from evac.contract.hooks import hookimpl

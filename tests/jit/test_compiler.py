@@ -15,10 +15,9 @@ import evac_plugins
 from evac.base.errors import PluginError
 from evac.jit import AddressCall, Entry, FloatGrid, Floats, Struct, inner, kernel, row
 from evac.jit.compiler import compile_entry
-from evac.jit.digest import digest_of
 from evac.jit.kernels import NOTE_RAISED
 from evac.jit.loading import Compilation, addresses_of, host
-from evac.jit.store import user_store
+from evac.jit.store import digest_of, user_store
 
 #: Functions of libm, of the C library that compilers take for granted, and of evac; nothing of numba's or Python's.
 ALLOWED = {

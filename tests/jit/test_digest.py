@@ -9,8 +9,7 @@ from types import ModuleType
 
 import pytest
 
-from evac.jit import digest
-from evac.jit.digest import digest_of
+from evac.jit.store import digest_of
 
 SOURCE = '''
     """A module of kernels."""
@@ -192,14 +191,14 @@ def test_processor_and_versions_count(module_of, monkeypatch):
     entry = module_of().entry
     found = digest_of(entry, "cpu")
     assert digest_of(entry, "another") != found
-    monkeypatch.setattr(digest, "versions", lambda: "of another compiler")
+    monkeypatch.setattr(store, "versions", lambda: "of another compiler")
     assert digest_of(entry, "cpu") != found
 
 
 def test_every_process_has_the_same_digests():
     """Whatever the hashes of its strings are: files of one process are found by another one."""
     script = """
-from evac.jit.digest import digest_of, versions
+from evac.jit.store import digest_of, versions
 from evac.physics import driver, force
 from evac_plugins import contact_dem, contact_nsm1, force_social
 entries = [driver.advance, force.add_forces, contact_dem.spring, contact_nsm1.project, force_social.social]

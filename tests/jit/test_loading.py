@@ -15,9 +15,9 @@ import pytest
 from evac.base.errors import CacheWarning, EvacError
 from evac.contract.registry import _module_of
 from evac.jit import loading, store
-from evac.jit.digest import digest_of
 from evac.jit.kernels import entries_of
 from evac.jit.loading import Compilation, addresses_of, compile_tasks, divide, host
+from evac.jit.store import digest_of
 
 SOURCE = """
     from evac.jit import Floats, inner, kernel

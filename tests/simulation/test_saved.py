@@ -6,7 +6,7 @@ import numpy as np
 
 import evac
 from evac.base.saved import Saved
-from evac.jit.structs import Struct
+from evac.jit.kernels import Struct
 from evac.simulation.lifts import Lifts
 from evac.simulation.simulation import Simulation
 from evac.trajectory.recorder import Recorder

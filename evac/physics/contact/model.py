@@ -13,7 +13,7 @@ from evac.base.errors import PluginError, ScenarioError, fault, is_foreign
 from evac.base.parameters import Configurable, Parameter
 from evac.contract.hooks import DEFAULT_SOLVER
 from evac.jit import Entry, Struct
-from evac.jit.structs import Array
+from evac.jit.kernels import Array
 from evac.physics import driver
 from evac.physics.state import Crowd, State, Traits, World, allocate
 from evac.physics.status import OK

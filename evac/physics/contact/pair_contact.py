@@ -9,18 +9,19 @@ import numpy as np
 from evac.base.arrays import FloatArray
 from evac.base.errors import PluginError, fault, in_one_line
 from evac.jit import Entry, Floats, Struct, call_pair_contact, call_pair_friction, inner, row
-from evac.jit.digest import kernels_in
+from evac.jit.store import kernels_in
 from evac.physics.contact.contacts import (
     ground_along,
     keep_only_meeting,
+    new_memory,
     normal_velocity,
     push,
     rub,
     set_reach,
     tangential_velocity,
+    tried_memory,
     use_free_velocity,
 )
-from evac.physics.contact.memory import new_memory, tried_memory
 from evac.physics.contact.model import BorderScene, ContactModel
 from evac.physics.contact.packing import check_indices, packed_row
 from evac.physics.state import State

@@ -19,7 +19,7 @@ from evac.building.plan.plan import Plan
 from evac.building.recover.bodies.body import NOTCH, Body, closed, snapped
 from evac.building.recover.bodies.floors import Floor
 from evac.building.recover.bodies.treads import LEAST_GOING, SHORT, SINGLE_FILE, Landing, Run, treads_of
-from evac.building.surface.checks import LEAST_DEPTH, ROUNDING
+from evac.building.surface.build import LEAST_DEPTH, ROUNDING
 
 #: Largest gap in plan between the end of a flight and a floor [m].
 FAR = 0.6
