@@ -9,6 +9,7 @@ from types import ModuleType
 
 import pytest
 
+from evac.jit import store
 from evac.jit.store import digest_of
 
 SOURCE = '''
