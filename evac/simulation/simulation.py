@@ -38,8 +38,7 @@ from evac.simulation.deciding import Deciding
 from evac.simulation.loop import Loop
 from evac.simulation.scene import Scene, SharedScene, doorway_warning
 from evac.simulation.timetable import Timetable
-from evac.trajectory.recorder import Recorder
-from evac.trajectory.recording import Recording
+from evac.trajectory.recorder import Recorder, Recording
 
 if TYPE_CHECKING:
     from evac.case.case import Case
