@@ -4,17 +4,16 @@ A failed check raises `PluginError`, which names the plugin, the check and the s
 much, and what to change. The same checks are applied to all built-in plugins.
 """
 
-import inspect
 import sys
 import warnings
-from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from cProfile import Profile
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import CodeType, FrameType
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -331,13 +330,17 @@ IN_A_CASE: tuple[tuple[type, Callable[..., None]], ...] = (
 #: Tables of case.toml with plugins without which a case can be run.
 OPTIONAL = {"behaviour": "behaviours", "force": "forces"}
 
+#: Arrays of people that are compared at the ends of two runs.
+COMPARED = ("position", "velocity", "exit_time", "exit_used", "distance", "start_time")
+
 
 def tried_in(case: Case, plugins: list[tuple[str, str]]) -> Iterator[str]:
     """Run a case, and yield lines on plugins of one file, each given as kind and name."""
     classes = {name: case.registry.get(kind, name) for kind, name in plugins}
-    with _counted({str(Path(inspect.getfile(cls)).resolve()) for cls in classes.values()}) as calls:
+    with Profile() as profile:
         whole = Simulation(case)
         whole.run()
+    calls = {entry.code: entry.callcount for entry in profile.getstats()}
     for kind, name in plugins:
         yield from (f"{kind} {name}: {line}" for line in _methods(classes[name], calls))
         if kind in OPTIONAL and getattr(case, OPTIONAL[kind]).get(name, False) is False:
@@ -345,40 +348,16 @@ def tried_in(case: Case, plugins: list[tuple[str, str]]) -> Iterator[str]:
         elif kind in OPTIONAL:
             without = Simulation(case.change({f"{OPTIONAL[kind]}.{name}": False}))
             without.run()
-            if _same(whole, without):
+            first, second = whole.population.crowd, without.population.crowd
+            pairs = [(whole.step, without.step), *((getattr(first, key), getattr(second, key)) for key in COMPARED)]
+            if all(np.array_equal(one, other, equal_nan=True) for one, other in pairs):
                 yield f"{kind} {name}: had no effect; the run without it is the same in all bits"
 
 
-def _same(one: Simulation, other: Simulation) -> bool:
-    """Return whether two runs end with the same people at the same places."""
-    first, second = one.population.crowd, other.population.crowd
-    names = ("position", "velocity", "exit_time", "exit_used", "distance", "start_time")
-    return one.step == other.step and all(
-        np.array_equal(getattr(first, name), getattr(second, name), equal_nan=True) for name in names
-    )
-
-
-def _methods(cls: type, calls: Counter[CodeType]) -> Iterator[str]:
+def _methods(cls: type, calls: Mapping[Any, int]) -> Iterator[str]:
     """Yield a line for each method of a class that is written in Python."""
     for method in vars(cls).values():
         code = getattr(getattr(method, "__func__", method), "__code__", None)
         if isinstance(code, CodeType):
-            ran = "ran once" if calls[code] == 1 else f"ran {counted(calls[code], 'time')}"
-            yield f"{code.co_name} {ran if calls[code] else 'never ran'}"
-
-
-@contextmanager
-def _counted(files: set[str]) -> Iterator[Counter[CodeType]]:
-    """Count the calls of functions in files."""
-    calls = Counter[CodeType]()
-
-    def on_event(frame: FrameType, event: str, _: Any) -> None:
-        if event == "call" and frame.f_code.co_filename in files:
-            calls[frame.f_code] += 1
-
-    before = sys.getprofile()
-    sys.setprofile(on_event)
-    try:
-        yield calls
-    finally:
-        sys.setprofile(before)
+            often = calls.get(code, 0)
+            yield f"{code.co_name} {'never ran' if not often else 'ran once' if often == 1 else f'ran {often} times'}"
