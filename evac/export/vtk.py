@@ -1,12 +1,13 @@
-"""VTK animation of a trajectory."""
+"""VTK animation of a trajectory, written without VTK, whose import takes longer than writing the files."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
-from pyvista import PolyData
 
 from evac.base.errors import ResultError
 from evac.base.phases import told
@@ -23,6 +24,83 @@ from evac.folder.files import (
     writing,
 )
 from evac.trajectory.trajectory import Frame, Trajectory
+
+_NO_CELLS = np.zeros((0, 1), dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class PolyData:
+    """Points, cells and their data arrays."""
+
+    points: NDArray[np.float64]  # (n, 3) float64: coordinates [m]; float32 would be too coarse far from the origin
+    # vertices, lines, polygons: (c, corners) int: rows of `points`; cells are numbered in this order
+    vertices: NDArray[np.integer] = field(default_factory=lambda: _NO_CELLS)
+    lines: NDArray[np.integer] = field(default_factory=lambda: _NO_CELLS)
+    polygons: NDArray[np.integer] = field(default_factory=lambda: _NO_CELLS)
+    # point_arrays, cell_arrays: mapping of str to (n,) or (n, components) array: arrays of int32 or float32, by name
+    point_arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    cell_arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    texts: Mapping[str, Sequence[str]] = field(default_factory=dict)  # string arrays of the whole file, by name
+    shown: str = ""  # name of the point array that viewers show by default, empty for none
+
+
+def vtp_bytes(data: PolyData) -> bytes:
+    """Return the content of a ``.vtp`` file."""
+    raw = _Raw()
+    texts = "".join(raw.text(name, words) for name, words in data.texts.items())
+    point_arrays = "".join(raw.array(name, values) for name, values in data.point_arrays.items())
+    cell_arrays = "".join(raw.array(name, values) for name, values in data.cell_arrays.items())
+    points = raw.array("Points", data.points)
+    kinds = {"Verts": data.vertices, "Lines": data.lines, "Polys": data.polygons}
+    cells = "".join(f"<{kind}>{raw.cells(corners)}</{kind}>\n" for kind, corners in kinds.items())
+    numbers = " ".join(f'NumberOf{kind}="{len(corners)}"' for kind, corners in kinds.items())
+    shown = f' Scalars="{data.shown}"' if data.shown else ""
+    head = f"""<?xml version="1.0"?>
+<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">
+<PolyData>
+<FieldData>{texts}</FieldData>
+<Piece NumberOfPoints="{len(data.points)}" {numbers} NumberOfStrips="0">
+<PointData{shown}>{point_arrays}</PointData>
+<CellData>{cell_arrays}</CellData>
+<Points>{points}</Points>
+{cells}</Piece>
+</PolyData>
+<AppendedData encoding="raw">
+_"""
+    return b"".join([head.encode(), *raw.blocks, b"\n</AppendedData>\n</VTKFile>\n"])
+
+
+class _Raw:
+    """The bytes after the XML, each block preceded by its length; methods return the XML elements for them."""
+
+    def __init__(self) -> None:
+        self.blocks: list[bytes] = []
+        self._end = 0
+
+    def array(self, name: str, values: NDArray[Any]) -> str:
+        """Add an array (n,) or (n, components)."""
+        kind = f"{'Float' if values.dtype.kind == 'f' else 'Int'}{8 * values.dtype.itemsize}"
+        components = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else ""
+        place = self._add(values.astype(values.dtype.newbyteorder("<"), copy=False).tobytes())
+        return f'<DataArray type="{kind}" Name="{name}"{components} {place}/>\n'
+
+    def text(self, name: str, words: Sequence[str]) -> str:
+        """Add an array of strings."""
+        place = self._add(b"".join(word.encode() + b"\0" for word in words))
+        return f'<Array type="String" Name="{name}" NumberOfTuples="{len(words)}" {place}/>\n'
+
+    def cells(self, corners: NDArray[np.integer]) -> str:
+        """Add cells (c, corners)."""
+        count, size = corners.shape
+        ends = size * np.arange(1, count + 1, dtype=np.int64)
+        return self.array("connectivity", corners.ravel().astype(np.int64)) + self.array("offsets", ends)
+
+    def _add(self, content: bytes) -> str:
+        place = f'format="appended" offset="{self._end}"'
+        self.blocks += [len(content).to_bytes(8, "little"), content]
+        self._end += 8 + len(content)
+        return place
+
 
 #: Values of the building's cell array ``kind``.
 KINDS = ("floor", "flight", "landing", "wall", "exit", "closed exit", "portal", "closed portal", "area", "car")
@@ -48,47 +126,45 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
             (folder / name).mkdir(parents=True, exist_ok=True)
         for name, content in _files(trajectory):
             with replacing(folder / name, "the VTK animation", is_synced=not name.endswith(".vtp")) as new:
-                if isinstance(content, str):
-                    new.write_text(content, encoding="utf-8")
-                else:
-                    content.save(new)
+                new.write_bytes(content)
     return folder / ANIMATION_NAME
 
 
-def _files(trajectory: Trajectory) -> Iterator[tuple[str, PolyData | str]]:
+def _files(trajectory: Trajectory) -> Iterator[tuple[str, bytes]]:
     """Yield the files of an animation, each with its content; the last one names the others."""
     buildings = [trajectory.building_at(time) for time in trajectory.time.tolist()]
     states = {building.condition: building for building in buildings}
     yield from _building_files([*states.values()])
     for k in told("writing the VTK animation", range(len(trajectory)), len(trajectory)):
-        yield frame_name(k), people_polydata(trajectory, trajectory[k])
+        yield frame_name(k), vtp_bytes(people_polydata(trajectory, trajectory[k]))
         if trajectory.building.lifts:
-            yield frame_name(k).replace("frame_", "cars_"), cars_polydata(trajectory, trajectory[k])
+            yield frame_name(k).replace("frame_", "cars_"), vtp_bytes(cars_polydata(trajectory, trajectory[k]))
     names = {condition: building_name(k) for k, condition in enumerate(states)}
     shown = [names[building.condition] for building in buildings]
-    yield ANIMATION_NAME, _pvd(trajectory.time, shown, bool(trajectory.building.lifts))
+    yield ANIMATION_NAME, _pvd(trajectory.time, shown, bool(trajectory.building.lifts)).encode()
 
 
 def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
     """Return the people of one frame as points with data arrays."""
     person = frame["person"]
-    people = PolyData(np.column_stack([frame["position"], frame["z"]]))
-    people.field_data["group_names"] = [*trajectory.groups]
-    arrays = {
-        "person": person,
-        "group": trajectory.group[person],
-        "level": frame["level"],
-        "speed": frame["speed"].astype(np.float32),
-        "velocity": frame["velocity"].astype(np.float32),
-        "contact_force": frame["contact_force"].astype(np.float32),
-        "crowd_pressure": frame["crowd_pressure"].astype(np.float32),
-        "radius": trajectory.radius[person].astype(np.float32),
-        "height": trajectory.height[person].astype(np.float32),
-        **({"dose": frame["dose"].astype(np.float32)} if trajectory.has_dose else {}),
-    }
-    people.point_data.update({name: values for name, values in arrays.items() if values.ndim == 1 or len(values)})
-    people.set_active_scalars("speed")
-    return people
+    return PolyData(
+        points=np.column_stack([frame["position"], frame["z"]]),
+        vertices=np.arange(len(person))[:, None],
+        point_arrays={
+            "person": person,
+            "group": trajectory.group[person],
+            "level": frame["level"],
+            "speed": frame["speed"].astype(np.float32),
+            "velocity": frame["velocity"].astype(np.float32),
+            "contact_force": frame["contact_force"].astype(np.float32),
+            "crowd_pressure": frame["crowd_pressure"].astype(np.float32),
+            "radius": trajectory.radius[person].astype(np.float32),
+            "height": trajectory.height[person].astype(np.float32),
+            **({"dose": frame["dose"].astype(np.float32)} if trajectory.has_dose else {}),
+        },
+        texts={"group_names": trajectory.groups},
+        shown="speed",
+    )
 
 
 def cars_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
@@ -109,10 +185,12 @@ def cars_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
         row = [k, car.level, int(car.is_open), int((frame["level"] == car.level).sum())]
         rows += (len(ground) + 2 * len(outline)) * [row]
     triangles = np.concatenate(corners)
-    cars = _of_cells(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
-    cars.cell_data.update(dict(zip(("lift", "level", "open", "people"), np.array(rows, np.int32).T, strict=True)))
-    cars.field_data["lift_names"] = [lift.name for lift in building.lifts]
-    return cars
+    return PolyData(
+        points=triangles.reshape(-1, 3),
+        polygons=np.arange(3 * len(triangles)).reshape(-1, 3),
+        cell_arrays=dict(zip(("lift", "level", "open", "people"), np.array(rows, np.int32).T, strict=True)),
+        texts={"lift_names": [lift.name for lift in building.lifts]},
+    )
 
 
 def building_blocks(building: Building) -> Iterator[tuple[str, str, PolyData]]:
@@ -149,22 +227,17 @@ def _part(
 ) -> PolyData:
     """Return cells of one kind on one level, without unused points."""
     used, corners = np.unique(cells, return_inverse=True)
-    part, count = _of_cells(points[used], corners.reshape(cells.shape)), len(cells)
-    part.cell_data["level"], part.cell_data["kind"] = (
-        np.full(count, of, np.int32) for of in (level, KINDS.index(kind))
+    corners = corners.reshape(cells.shape)
+    count = len(cells)
+    return PolyData(
+        points=points[used],
+        **{"lines" if cells.shape[1] == 2 else "polygons": corners},
+        cell_arrays={"level": np.full(count, level, np.int32), "kind": np.full(count, KINDS.index(kind), np.int32)},
+        texts={"level_names": [item.name for item in building.levels], "kind_names": KINDS},
     )
-    part.field_data["level_names"] = [item.name for item in building.levels]
-    part.field_data["kind_names"] = [*KINDS]
-    return part
 
 
-def _of_cells(points: NDArray[np.float64], corners: NDArray[np.integer]) -> PolyData:
-    """Return lines (c, 2) or triangles (c, 3) between points (n, 3) [m]."""
-    cells = np.insert(corners, 0, corners.shape[1], axis=1).ravel()
-    return PolyData(points, **{"lines" if corners.shape[1] == 2 else "faces": cells})
-
-
-def _building_files(states: Sequence[Building]) -> Iterator[tuple[str, PolyData | str]]:
+def _building_files(states: Sequence[Building]) -> Iterator[tuple[str, bytes]]:
     """Yield a file for each part of a building in all its states, and for each state a file that lists them."""
     for k, building in enumerate(states):
         parts = list(building_blocks(building))
@@ -172,7 +245,7 @@ def _building_files(states: Sequence[Building]) -> Iterator[tuple[str, PolyData 
         blocks: dict[str, list[str]] = {}
         for stem, (block, name, data) in zip(stems, parts, strict=True):
             file = f"{BUILDING_FOLDER}/{stem}.vtp"
-            yield file, data
+            yield file, vtp_bytes(data)
             entries = blocks.setdefault(block, [])
             entries.append(f'      <DataSet index="{len(entries)}" name={quoteattr(name)} file={quoteattr(file)}/>\n')
         tree = "".join(
@@ -183,7 +256,7 @@ def _building_files(states: Sequence[Building]) -> Iterator[tuple[str, PolyData 
             '<?xml version="1.0"?>\n<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">\n'
             f"  <vtkMultiBlockDataSet>\n{tree}  </vtkMultiBlockDataSet>\n</VTKFile>\n"
         )
-        yield building_name(k), text
+        yield building_name(k), text.encode()
 
 
 def _pvd(times: NDArray[np.float64], buildings: Sequence[str], has_cars: bool) -> str:

@@ -255,7 +255,7 @@ def test_doses_and_smoke_are_in_the_tables_of_motion_and_in_exports(tmp_path):
     assert main(["export", str(folder), "--to", "csv"]) == 0
     (table,) = (folder / "export").glob("*.csv")
     assert table.read_text().splitlines()[0].split(",")[-2:] == ["dose", "extinction"]
-    points = people_polydata(trajectory, trajectory[-1]).point_data
+    points = people_polydata(trajectory, trajectory[-1]).point_arrays
     np.testing.assert_array_equal(points["dose"], trajectory[-1]["dose"].astype(np.float32))
 
 

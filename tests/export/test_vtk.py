@@ -4,7 +4,7 @@ import pyvista
 
 from evac.base.errors import ResultError
 from evac.building.model.links import close_links
-from evac.export.vtk import KINDS, building_blocks, export_vtk
+from evac.export.vtk import KINDS, PolyData, building_blocks, export_vtk, vtp_bytes
 from evac.trajectory.header import building_to_json
 from evac.trajectory.trajectory import read_trajectory
 from evac.trajectory.writer import TrajectoryWriter
@@ -63,7 +63,7 @@ def test_building_has_its_parts_by_name_at_their_heights(exported):
 def test_closed_exits_and_portals_are_kinds_of_their_own(building):
     kinds = {}
     for _, name, data in building_blocks(close_links(building, ["door", "portal 3"])):
-        kinds[name] = KINDS[data.cell_data["kind"][0]]
+        kinds[name] = KINDS[data.cell_arrays["kind"][0]]
     assert (kinds["door"], kinds["portal 3"], kinds["portal 2"]) == ("closed exit", "closed portal", "portal")
 
 
@@ -78,3 +78,48 @@ def test_trajectory_without_frames_is_refused(tmp_path, building):
     TrajectoryWriter(tmp_path / "empty.evac", header, np.zeros(2)).close()
     with pytest.raises(ResultError, match="frame"):
         export_vtk(read_trajectory(tmp_path / "empty.evac"), tmp_path)
+
+
+@pytest.fixture
+def data():
+    generator = np.random.default_rng(5)
+    return PolyData(
+        points=generator.uniform(-1e7, 1e7, (6, 3)),
+        vertices=np.array([[0], [4]]),
+        lines=np.array([[1, 2], [2, 3], [3, 1]], np.int32),
+        polygons=np.array([[0, 1, 2], [3, 4, 5]], np.int32),
+        point_arrays={
+            "number": np.array([5, -1, 2**31 - 1, 0, 7, -(2**31)], np.int32),
+            "wind": generator.uniform(size=(6, 3)).astype(np.float32),
+        },
+        cell_arrays={"height": generator.uniform(size=7).astype(np.float32)},
+        texts={"names": ['Süd <&> "Nord"', "", "x" * 300], "one": ["word"]},
+        shown="number",
+    )
+
+
+def test_vtk_reads_what_was_written(data, tmp_path):
+    (tmp_path / "all.vtp").write_bytes(vtp_bytes(data))
+    read = pyvista.read(tmp_path / "all.vtp")
+    assert read.points.dtype == np.float64
+    np.testing.assert_array_equal(read.points, data.points)
+    assert read.verts.reshape(-1, 2).tolist() == [[1, 0], [1, 4]]
+    assert read.lines.reshape(-1, 3)[:, 1:].tolist() == data.lines.tolist()
+    assert read.faces.reshape(-1, 4)[:, 1:].tolist() == data.polygons.tolist()
+    assert list(read.point_data) == ["number", "wind"]
+    for name, values in data.point_arrays.items():
+        assert read.point_data[name].dtype == values.dtype
+        np.testing.assert_array_equal(read.point_data[name], values)
+    np.testing.assert_array_equal(read.cell_data["height"], data.cell_arrays["height"])
+    assert {name: read.field_data[name].tolist() for name in data.texts} == data.texts
+    assert read.active_scalars_name == "number"
+
+
+def test_arrays_in_any_order_of_memory_and_of_bytes_are_written_alike(data, tmp_path):
+    other = PolyData(
+        data.points[::-1].astype(">f8"), point_arrays={"wind": np.asfortranarray(data.point_arrays["wind"])}
+    )
+    (tmp_path / "other.vtp").write_bytes(vtp_bytes(other))
+    read = pyvista.read(tmp_path / "other.vtp")
+    np.testing.assert_array_equal(read.points, data.points[::-1])
+    np.testing.assert_array_equal(read["wind"], data.point_arrays["wind"])
