@@ -206,9 +206,7 @@ class Familiarity(Behaviour):
         for column, name in enumerate(self._names):
             uses = (self._known[rows, column] == 1) & self._may_use[rows, column] & (name in is_open)
             own = rows[uses]
-            time = fields.travel_time_at(
-                crowd.level[own], crowd.position[own], self._routes[own, column], crowd.contact_radius[own]
-            )
+            time = fields.travel_time_at(*crowd.ways(own, self._routes[own, column]))
             unseen = 1.0 if self._is_main[column] else self.preference
             cost[uses, column] = time * np.where(self._seen[own, column] == 1, self.trust, unseen)
         return cost

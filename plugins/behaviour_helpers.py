@@ -260,9 +260,7 @@ class Helpers(Behaviour):
         known = self._scene.fields.routes
         to_area = [Route(area=area.name, steepest=known[own].steepest) for own in self._own[free]]
         routes = np.array([known.index(route) for route in to_area], np.int32)
-        away = self._scene.fields.travel_time_at(
-            crowd.level[rows], crowd.position[rows], routes, crowd.contact_radius[rows]
-        )
+        away = self._scene.fields.travel_time_at(*crowd.ways(rows, routes))
         nearest = np.argsort(away, kind="stable")[: self._device[k].handlers]
         if len(nearest) == self._device[k].handlers and np.isfinite(away[nearest]).all():
             self._task[free[nearest]], self._state[k] = k, IS_FETCHED
@@ -311,7 +309,7 @@ class Helpers(Behaviour):
     def _can_bring(self, crowd: Crowd, k: int) -> bool:
         """Return whether the device of a person can go all the way: up, down, and not steeper than it may."""
         person, device = self._people[k : k + 1], self._device[k]
-        place = crowd.level[person], crowd.position[person], self._way_of(k), crowd.contact_radius[person]
+        place = crowd.ways(person, self._way_of(k))
         if self.lifts and math.isinf(self._scene.fields.lengths_at(*place)[0, 0]):  # by lift, which has no length
             return math.isfinite(self._scene.fields.travel_time_at(*place)[0])
         _, up, down = self._scene.fields.lengths_at(*place)[0].tolist()
@@ -324,9 +322,7 @@ class Helpers(Behaviour):
         helpers = helpers[crowd.level[helpers] >= 0]
         rows = np.concatenate([[person], helpers])
         crowd.route[rows] = self._way_of(k)
-        remaining = self._scene.fields.travel_time_at(
-            crowd.level[rows], crowd.position[rows], crowd.route[rows], crowd.contact_radius[rows]
-        )
+        remaining = self._scene.fields.travel_time_at(*crowd.ways(rows))
         pace = self._share(crowd, rows, device)
         away = np.hypot(*(crowd.position[helpers] - crowd.position[person]).T)
         is_behind = remaining[1:] > remaining[0]
@@ -350,9 +346,7 @@ class Helpers(Behaviour):
     def _share(self, crowd: Crowd, rows: NDArray[np.integer[Any]], device: Device) -> FloatArray:
         """Return the factors that give people the speed of a device where they are, by their own speeds."""
         levels = self._scene.building.levels
-        along = self._scene.fields.directions_at(
-            crowd.level[rows], crowd.position[rows], crowd.route[rows], crowd.contact_radius[rows]
-        )
+        along = self._scene.fields.directions_at(*crowd.ways(rows))
         climb = np.array([levels[level].climb for level in crowd.level[rows].tolist()])
         rise = (along * climb).sum(axis=1)
         column = np.where(~climb.any(axis=1), FLAT, np.where(rise > 0.0, UP, DOWN))

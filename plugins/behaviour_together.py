@@ -144,9 +144,7 @@ class Together(Behaviour):
     def _wait(self, crowd: Crowd, time: float, walks: NDArray[np.bool_]) -> None:
         """Let those ahead of the last member of their unit wait."""
         rows, unit = self._rows[walks], self._unit[walks]
-        remaining = self._scene.scene.fields.travel_time_at(
-            crowd.level[rows], crowd.position[rows], crowd.route[rows], crowd.contact_radius[rows]
-        )
+        remaining = self._scene.scene.fields.travel_time_at(*crowd.ways(rows))
         last = np.full(len(self._since), -np.inf)
         np.maximum.at(last, unit[np.isfinite(remaining)], remaining[np.isfinite(remaining)])
         progresses = np.isfinite(last) & (last < self._least - PROGRESS)

@@ -365,14 +365,12 @@ def show_people(simulation: "Simulation") -> None:
     crowd = population.crowd
     lengths = walked_lengths(simulation.fields, simulation.scene.world, crowd)
     to_place = np.array([bool(route.area) for route in simulation.fields.routes])[crowd.route] & (crowd.level >= 0)
-    own = crowd.level[to_place], crowd.position[to_place], crowd.route[to_place], crowd.contact_radius[to_place]
-    lengths[to_place] = simulation.fields.lengths_at(*own)
+    lengths[to_place] = simulation.fields.lengths_at(*crowd.ways(to_place))
     with np.errstate(divide="ignore", invalid="ignore"):
         # A length of 0 takes no time, even at speed 0.
         time = np.where(lengths > 0.0, lengths / crowd.speed, 0.0).sum(axis=1)
     rides = np.array([bool(route.lifts) for route in simulation.fields.routes])[crowd.route] & np.isinf(time)
-    of_riders = crowd.level[rides], crowd.position[rides], crowd.route[rides], crowd.contact_radius[rides]
-    time[rides] = simulation.fields.travel_time_at(*of_riders)
+    time[rides] = simulation.fields.travel_time_at(*crowd.ways(rides))
     names = [level.title for level in simulation.building.levels]
     rows = []
     for group in in_order(population.groups):

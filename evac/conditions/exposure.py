@@ -227,8 +227,7 @@ class Exposure(Saved):
         use = np.full(len(rows), FLAT)
         if len(on_stairs):
             there = rows[on_stairs]
-            where = crowd.level[there], crowd.position[there], crowd.route[there], crowd.contact_radius[there]
-            climb = (fields.directions_at(*where) * uphill[on_stairs]).sum(axis=1)
+            climb = (fields.directions_at(*crowd.ways(there)) * uphill[on_stairs]).sum(axis=1)
             use[on_stairs] = np.where(climb > 0.0, UP, np.where(climb < 0.0, DOWN, FLAT))
         desired: FloatArray = crowd.speed[rows, use]
         return desired

@@ -293,7 +293,7 @@ class Places(Saved):
     ) -> FloatArray:
         """Return the travel times of people on their routes [s], inf if no way is as wide as their bodies."""
         crowd = self._crowd
-        place = crowd.level[rows], crowd.position[rows], routes, crowd.contact_radius[rows]
+        place = crowd.ways(rows, routes)
         times = fields.travel_time_at(*place)
         if is_limited:
             times[~fields.are_passable(*place)] = np.inf

@@ -111,9 +111,7 @@ def cut_off(
 def without_way(fields: Fields, crowd: Crowd) -> BoolArray:
     """Return which people inside have an infinite travel time (n,), except those who stay."""
     here, time = np.flatnonzero(crowd.level >= 0), np.zeros(len(crowd.level))
-    time[here] = fields.travel_time_at(
-        crowd.level[here], crowd.position[here], crowd.route[here], crowd.contact_radius[here]
-    )
+    time[here] = fields.travel_time_at(*crowd.ways(here))
     return np.isinf(time) & np.isfinite(crowd.start_time)
 
 

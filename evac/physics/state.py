@@ -105,6 +105,11 @@ class Crowd(Struct):
             raise AttributeError(f"crowd.{name} cannot be replaced; write into the array, as in crowd.{name}[:] = ...")
         super().__setattr__(name, value)
 
+    def ways(self, rows: Any, route: Any = None) -> tuple[Any, Any, Any, Any]:
+        """Return what methods of `Fields` take for people: level, position, route (their own if None) and radius."""
+        own = self.route[rows] if route is None else route
+        return self.level[rows], self.position[rows], own, self.contact_radius[rows]
+
 
 def make_crowd(
     position: ArrayLike,

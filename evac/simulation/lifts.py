@@ -436,8 +436,8 @@ class Lifts(Saved):
         if not len(rows):
             return np.zeros(0, np.bool_), np.zeros(0)
         fields, doors = self._scene.fields, np.array([len(lines) for lines in self._lines])[of]
-        here = fields.travel_time_at(*self._of(rows))
-        level, position, route, radius = (np.repeat(values, doors, axis=0) for values in self._of(rows))
+        here = fields.travel_time_at(*self._crowd.ways(rows))
+        level, position, route, radius = (np.repeat(values, doors, axis=0) for values in self._crowd.ways(rows))
         middles = np.concatenate([self._lines[k].reshape(-1, 2, 2).mean(axis=1) for k in of.tolist()])
         there = fields.travel_time_at(level, middles, route, radius)
         first = np.cumsum(doors) - doors
@@ -457,7 +457,7 @@ class Lifts(Saved):
         stops = [at for at in range(len(lift.rooms)) if at != stop and lift.discharge in (at, stop) and self._runs(k)]
         levels = [*(door.other(lift.rooms[stop]) for door in doors), *(lift.rooms[at] for at in stops)]
         places = [*(door.segments.reshape(-1, 2).mean(axis=0) for door in doors), *[lift.back] * len(stops)]
-        _, _, route, radius = self._of(rows)
+        _, _, route, radius = self._crowd.ways(rows)
         level, place = (np.repeat(np.array(values), len(rows), axis=0) for values in (levels, places))
         own = np.tile(route, len(levels)), np.tile(radius, len(levels))
         times = self._scene.fields.travel_time_at(level.astype(np.int32), place, *own).reshape(len(levels), -1)
@@ -512,11 +512,6 @@ class Lifts(Saved):
         lobby = self._lobby[k, stop]
         rows = np.flatnonzero((self._waits_at == lobby) & (self._crowd.level == self._lobbies[lobby].level))
         return rows.astype(np.int32)
-
-    def _of(self, rows: IntArray) -> tuple[IntArray, FloatArray, IntArray, FloatArray]:
-        """Return levels, places, routes and radii of people."""
-        crowd = self._crowd
-        return crowd.level[rows], crowd.position[rows], crowd.route[rows], crowd.contact_radius[rows]
 
     def _let_in(self, k: int) -> None:
         """Let in the nearest people before an open door, as many as there are places left; they are chosen anew."""
