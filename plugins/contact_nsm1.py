@@ -6,8 +6,7 @@ from evac.base.parameters import Parameter
 from evac.jit import Struct, inner, kernel
 from evac.physics import tallies as at
 from evac.physics.contact.model import BorderScene, SolvedContactModel
-from evac.physics.contact.overlaps import is_to_separate
-from evac.physics.contact.percussions import find_percussions, solve_once
+from evac.physics.contact.percussions import find_percussions, is_to_separate, solve_once
 from evac.physics.contact.rows import INELASTIC
 from evac.physics.state import State
 from evac.physics.status import NEEDS_STRONGER_SOLVER, OK, SEARCH_AGAIN, SEPARATE

@@ -14,8 +14,7 @@ from evac.physics.contact.contacts import (
     tangential_velocity,
 )
 from evac.physics.contact.model import BorderScene, SolvedContactModel
-from evac.physics.contact.overlaps import is_to_separate
-from evac.physics.contact.percussions import find_percussions
+from evac.physics.contact.percussions import find_percussions, is_to_separate
 from evac.physics.state import State, Traits, World
 from evac.physics.status import NEEDS_STRONGER_SOLVER, OK, SEPARATE, TOO_FAST
 

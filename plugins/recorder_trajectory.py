@@ -14,8 +14,8 @@ from evac.base.saved import Bounds, SavedError
 from evac.contract.hooks import hookimpl
 from evac.folder.files import REPLAY_NAME, TRAJECTORY_NAME
 from evac.results.results import versions
-from evac.trajectory.header import IN_MEMORY, building_to_json
 from evac.trajectory.recorder import Recorder
+from evac.trajectory.trajectory import IN_MEMORY, building_to_json
 
 if TYPE_CHECKING:  # evac.trajectory.writer imports Arrow, which a run without a trajectory does not need
     from evac.results.results import Results

@@ -8,7 +8,7 @@ from evac.building.model.building import FLAT
 from evac.directions.sampling import column_of, sample_travel_time
 from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Ints, Pairs, Struct, inner, kernel
 from evac.physics.contact.neighbours import levels_in_reach, line_at, sort_by_level
-from evac.physics.drive import desired_direction, desired_speed
+from evac.physics.motion import desired_direction, desired_speed
 from evac.physics.seams import SEAM, passes_through, reaches, walls_near, way_out
 from evac.physics.state import Cells, World, make_cells
 

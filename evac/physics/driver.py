@@ -22,11 +22,10 @@ from evac.physics.contact.contacts import (
     set_reach,
 )
 from evac.physics.contact.neighbours import build_lists
-from evac.physics.contact.overlaps import call_separate
-from evac.physics.drive import drive, set_desired
+from evac.physics.contact.percussions import call_separate
 from evac.physics.extent import extent
 from evac.physics.force import call_add_forces
-from evac.physics.motion import add_contact_work, move, save_bodies
+from evac.physics.motion import add_contact_work, drive, move, save_bodies, set_desired
 from evac.physics.state import State
 from evac.physics.status import (
     CENTRES_PASSED,

@@ -11,8 +11,8 @@ from evac.base.parameters import Configurable
 from evac.jit import AddressCall, call_body_force, call_pair_force, call_person_force, inner, kernel, row
 from evac.physics.contact.contacts import wall_normal
 from evac.physics.contact.neighbours import segment_distance, unit_normal
-from evac.physics.drive import desired_speed
 from evac.physics.extent import extent, greatest_extent
+from evac.physics.motion import desired_speed
 from evac.physics.seams import is_absent, touches
 from evac.physics.state import State
 from evac.physics.status import OK

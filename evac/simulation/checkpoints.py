@@ -35,8 +35,8 @@ from evac.results.results import versions
 from evac.simulation import needed
 from evac.simulation.loop import Operation
 from evac.simulation.simulation import Simulation
-from evac.trajectory.header import building_to_json
 from evac.trajectory.recorder import Recorder
+from evac.trajectory.trajectory import building_to_json
 
 if TYPE_CHECKING:
     from evac.case.case import Case

@@ -42,7 +42,7 @@ from evac.simulation.shared import shared_key
 from evac.study.execute import Row
 from evac.study.points import Point, Seeds
 from evac.study.stopping import Rule
-from evac.trajectory.header import building_from_json, building_to_json
+from evac.trajectory.trajectory import building_from_json, building_to_json
 
 if TYPE_CHECKING:
     from evac.case.case import Case

@@ -17,7 +17,7 @@ from evac.building.model.cells import LevelField
 from evac.folder.digests import sealed
 from evac.folder.files import check_replaceable, note_written, writing
 from evac.physics.state import Crowd
-from evac.trajectory.header import FIELDS, FIELDS_WITH_DOSE, FORMAT, TRAJECTORY_KEY
+from evac.trajectory.trajectory import FIELDS, FIELDS_WITH_DOSE, FORMAT, TRAJECTORY_KEY
 
 NUMBER = pa.float32()
 

@@ -19,8 +19,7 @@ from evac.pictures.scales import COLOURINGS, colouring
 from evac.pictures.scene import MARGIN, view_of
 from evac.pictures.view import Camera, aim
 from evac.simulation.assembly import make_building
-from evac.trajectory.header import building_to_json
-from evac.trajectory.trajectory import read_trajectory
+from evac.trajectory.trajectory import building_to_json, read_trajectory
 from evac.trajectory.writer import TrajectoryWriter
 from tests.three_storeys import crowd_at
 

@@ -5,9 +5,8 @@ import pytest
 
 from evac.case.loading import load_case
 from evac.physics import driver
-from evac.physics.drive import desired_direction, desired_speed
 from evac.physics.engine import CompiledEngine, Engine
-from evac.physics.motion import EXIT
+from evac.physics.motion import EXIT, desired_direction, desired_speed
 from evac.physics.seams import way_out
 from evac.physics.state import Events, allocate
 from evac.results.ending import EVERYBODY_OUT

@@ -15,8 +15,7 @@ from evac.base.errors import ResultError, SimulationError
 from evac.building.model.cells import LevelField
 from evac.folder.digests import read_sealed, sealed
 from evac.folder.files import TRAJECTORY_NAME
-from evac.trajectory.header import FIELDS, building_from_json, building_to_json
-from evac.trajectory.trajectory import read_trajectory
+from evac.trajectory.trajectory import FIELDS, building_from_json, building_to_json, read_trajectory
 from evac.trajectory.writer import TrajectoryWriter, columns
 
 

@@ -16,7 +16,7 @@ from evac.evidence.lean.commands import report_commands, report_output
 from evac.evidence.lean.kernels import KernelCase, report_kernels
 from evac.evidence.scenes import model_overrides
 from evac.evidence.verdicts import all_of, reported
-from evac.physics.contact.overlaps import separate
+from evac.physics.contact.percussions import separate
 from evac.physics.engine import CompiledEngine, load_solver
 from evac.physics.seams import reaches
 from evac.simulation.simulation import Simulation
