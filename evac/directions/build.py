@@ -1,10 +1,15 @@
-"""Computation of travel times and directions of a building for given routes."""
+"""Computation of travel times and directions of a building for given routes.
+
+Two bodies are of different classes if there is a gap that only the narrower one fits through. The walls in each grid
+cell are found for interpolation that must not mix values from both sides of a wall.
+"""
 
 import math
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -18,10 +23,8 @@ from evac.building.model.building import Area, Building, Exit
 from evac.building.model.links import levels_reaching
 from evac.building.model.narrow import gaps_below, gaps_between_walls
 from evac.building.surface.build import measures
-from evac.directions.cellwalls import find_cell_walls
-from evac.directions.classes import BodyClass, find_classes
 from evac.directions.descent import descend
-from evac.directions.fields import ClassGrids, Fields, PackedFields
+from evac.directions.fields import CellWalls, ClassGrids, Fields, PackedFields
 from evac.directions.lengths import (
     Marched,
     MarchedClass,
@@ -33,8 +36,7 @@ from evac.directions.lengths import (
     strips_of,
     take_halos,
 )
-from evac.directions.march.marching import Metric
-from evac.directions.march.workers import March, march_all, number_of_workers
+from evac.directions.march.marching import March, Metric, march_all, number_of_workers
 from evac.directions.raster.grids import (
     OWN,
     BuildingGrids,
@@ -43,9 +45,105 @@ from evac.directions.raster.grids import (
     count_nodes,
     lead_through_doors,
 )
-from evac.directions.raster.masks import grown, nearest_marked
-from evac.directions.raster.strips import outward_directions
+from evac.directions.raster.lattice import SLACK, Window, grown, nearest_marked, numbers_between, outward_directions
 from evac.directions.routes import PREFERRED, RELUCTANCE, STRATEGIES, Route
+
+
+def find_cell_walls(classes: Sequence[BuildingGrids], routes: int, steepest: float) -> CellWalls:
+    """List the walls, closed links and exits that pass through the interior of each cell, for each class of bodies.
+
+    Exits are treated as walls, so that people in front of an exit use the nodes in front of it. `steepest` is the
+    largest increase of a travel time [s] or length [m] per metre in plan.
+    """
+    cells: list[IndexArray] = [np.zeros(0, dtype=np.int64)]
+    walls: list[FloatArray] = [np.zeros((0, 4))]
+    offset = np.zeros((len(classes[0].levels), len(classes)), dtype=np.int32)
+    for column, grids in enumerate(classes):
+        for grid in grids.levels:
+            building = grids.building
+            exits = [way.segments for way in building.exits_of(grid.level) if building.is_open(way)]
+            own = np.concatenate([grids.walls[grid.level], *exits])
+            number, through = _cells_of(grid.window, own)
+            offset[grid.level, column] = column * grids.size + grid.offset
+            cells.append(offset[grid.level, column] + through)
+            walls.append(own[number])
+    cell = np.concatenate(cells)
+    order = np.argsort(cell, kind="stable")
+    walled, first = np.unique(cell[order], return_index=True)
+    return CellWalls(
+        offset=np.repeat(offset, routes, axis=1),
+        cell=walled,
+        start=np.append(first, len(cell)).astype(np.int64),
+        wall=np.ascontiguousarray(np.concatenate(walls)[order]),
+        steepest=steepest,
+    )
+
+
+def _cells_of(window: Window, walls: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Return indices of walls (w, 4) and flat indices of the first nodes of the cells that each passes through.
+
+    They are sorted by wall, then by cell.
+    """
+    ends = (walls.reshape(-1, 2, 2) - window.origin) / window.lattice.spacing
+    step = ends[:, 1] - ends[:, 0]
+    # Fractions of the length at which a wall starts, crosses a grid line and ends.
+    owners = [np.arange(len(walls)), np.arange(len(walls))]
+    shares = [np.zeros(len(walls)), np.ones(len(walls))]
+    for axis in (0, 1):
+        oblique = np.flatnonzero(np.abs(step[:, axis]) > SLACK)
+        between = ends[oblique, :, axis]
+        owner, line = numbers_between(np.ceil(between.min(axis=1)), np.floor(between.max(axis=1)))
+        owners.append(oblique[owner])
+        shares.append((line - between[owner, 0]) / step[oblique[owner], axis])
+    owner, share = np.concatenate(owners), np.clip(np.concatenate(shares), 0.0, 1.0)
+    order = np.lexsort((share, owner))
+    owner, share = owner[order], share[order]
+    is_piece = (owner[1:] == owner[:-1]) & (share[1:] > share[:-1])
+    owner, halfway = owner[1:][is_piece], (0.5 * (share[1:] + share[:-1]))[is_piece]
+    middle = ends[owner, 0] + halfway[:, None] * step[owner]
+    # Pieces along a grid line, and tiny pieces at nodes due to rounding, are not in any cell.
+    is_in_a_cell = np.all(np.abs(middle - np.round(middle)) > SLACK, axis=1)
+    ix, iy = np.floor(middle[is_in_a_cell]).astype(np.int64).T
+    number, cell = np.unique(np.stack([owner[is_in_a_cell], ix * window.shape[1] + iy], axis=1), axis=0).T
+    return number, cell
+
+
+#: Greatest number of classes; where more would be needed, widths are rounded down further.
+MOST_CLASSES = 8
+
+#: Steps to which widths of gaps are rounded down, tried in turn [m], and the rounding error of a width [m].
+STEPS, ROUNDING = (1e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5), 1e-6
+
+
+class BodyClass(NamedTuple):
+    """Bodies that fit through the same gaps."""
+
+    width: float  # greatest width of a body of the class below [m]
+    barred: float  # gaps narrower than this are walls for the class [m]
+
+
+def find_classes(building: Building, narrowest: float, widest: float) -> tuple[BodyClass, ...]:
+    """Return the classes above that of the narrowest body; none if there is no gap between the two widths [m]."""
+    if not narrowest < widest:
+        return ()
+    links = [link for level in building.levels for link in building.links_of(level.index) if building.is_open(link)]
+    gaps = [gaps_between_walls(building, level, widest) for level in building.levels]
+    across = [np.hypot(*(gap[:, 2:] - gap[:, :2]).T) for gap in gaps]
+    widths = np.concatenate([*across, [link.width for link in links]])
+    widths = np.unique(widths[(narrowest <= widths) & (widths < widest)])
+    if not len(widths):
+        return ()
+    for step in STEPS:
+        rounded = np.maximum(step * np.floor((widths + ROUNDING) / step), narrowest)
+        fitting, first = np.unique(rounded, return_index=True)
+        if len(fitting) < MOST_CLASSES:
+            break
+    last = np.append(first[1:], len(widths)) - 1
+    return tuple(
+        BodyClass(float(width) + ROUNDING, float(barred) + ROUNDING)
+        for width, barred in zip(fitting, widths[last], strict=True)
+    )
+
 
 #: The slowness factor is 1 + BEND at a wall and 1 at the clearance, so that paths pass posts at about one clearance.
 BEND = 8.0

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from evac.base.saved import Saved, part_of, taken
-from evac.directions.density import Kernels, at_nodes_of, gain_of
+from evac.directions.density import Gates, Kernels, at_nodes_of, gain_of
 from evac.directions.fields import Fields, columns_of
-from evac.directions.gates import Gates
 from evac.directions.quickest import Settings
 from evac.directions.routefield import RouteField
 

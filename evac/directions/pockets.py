@@ -12,7 +12,7 @@ import numpy as np
 
 from evac.base.arrays import BoolArray, IndexArray
 from evac.directions.raster.grids import BuildingGrids, Shared
-from evac.directions.raster.masks import grown, parts_of
+from evac.directions.raster.lattice import grown, parts_of
 
 #: Half of the width up to which a passage is a narrow place [m].
 REACH = 0.75

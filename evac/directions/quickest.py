@@ -9,7 +9,7 @@ the places of people, and the routes are solved again on the grids of the buildi
 
 up to the density of the greatest flow, 1.75 per m2, and above it with that which keeps this flow. The density rho is
 the sum of Gauss kernels of people, divided by the share of the kernel that lies on the floor, and averaged over time.
-Before exits, portals and doors people are also no faster than these are passed (`gates.py`). A level is solved again
+Before exits, portals and doors people are also no faster than these are passed (`Gates`). A level is solved again
 only if the speeds have changed on it, or if its ways lead through a level that is (`routefield.py`), without the rooms
 that no way leads through while nobody is in them (`pockets.py`).
 """
@@ -21,9 +21,8 @@ import numpy as np
 
 from evac.base.arrays import FloatArray, IndexArray, IntArray
 from evac.base.saved import Bounds, Saved
-from evac.directions.density import Kernels, at_nodes_of, gain_of
+from evac.directions.density import Gates, Kernels, at_nodes_of, gain_of
 from evac.directions.fields import Fields, columns_of
-from evac.directions.gates import Gates
 from evac.directions.routefield import RouteField, first_car
 from evac.directions.routes import QUICKEST
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, pairs_of
 from evac.base.saved import Bounds, Saved, taken
 from evac.building.model.building import FLAT, Area, Building, Exit
+from evac.directions.density import STEP, Gates
 from evac.directions.descent import Ways, descend
 from evac.directions.fields import Fields, PackedFields
-from evac.directions.gates import STEP, Gates
 from evac.directions.lengths import (
     barred_on,
     ends_of_route,
@@ -28,8 +28,7 @@ from evac.directions.lengths import (
 from evac.directions.march.waves import APART, FAR, FINAL, MarchState, find_speeds, march_waves
 from evac.directions.pockets import Pockets
 from evac.directions.raster.grids import OWN, BuildingGrids, Shared, lead_through_doors
-from evac.directions.raster.masks import grown, nearest_marked
-from evac.directions.raster.strips import chain
+from evac.directions.raster.lattice import chain, grown, nearest_marked
 from evac.directions.routes import Route
 
 #: A level is solved again if the slowness has changed on it by more than this share of what the crowd adds to it.

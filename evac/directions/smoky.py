@@ -11,8 +11,8 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.saved import Bounds, Saved
+from evac.directions.density import Gates
 from evac.directions.fields import Fields
-from evac.directions.gates import Gates
 from evac.directions.local import LocalWays
 from evac.directions.quickest import Quickest
 from evac.directions.routefield import RouteField

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.directions.cellwalls import _cells_of
+from evac.directions.build import _cells_of
 from evac.directions.raster.lattice import Lattice
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.directions.build import build_fields
-from evac.directions.classes import MOST_CLASSES, find_classes
+from evac.directions.build import MOST_CLASSES, build_fields, find_classes
 from evac.directions.routes import Route
 from tests.directions.conftest import Drawing
 from tests.directions.walks import walk
@@ -147,8 +146,8 @@ def test_worker_processes_give_the_same_bits(monkeypatch):
     building = hall((1.0, 0.45), (10.0, 1.1))
     routes = (Route(), Route(("A",), "shortest"))
     alone = build_fields(building, routes, clearance=CLEARANCE, narrowest=0.4, widest=0.5)
-    monkeypatch.setattr("evac.directions.march.workers.NODES_PER_WORKER", 1)
-    monkeypatch.setattr("evac.directions.march.workers.cores", lambda: 2)
+    monkeypatch.setattr("evac.directions.march.marching.NODES_PER_WORKER", 1)
+    monkeypatch.setattr("evac.directions.march.marching.cores", lambda: 2)
     shared = build_fields(building, routes, clearance=CLEARANCE, narrowest=0.4, widest=0.5, workers=2)
     for name in ("direction", "travel_time", "field_of"):
         np.testing.assert_array_equal(getattr(shared.packed, name), getattr(alone.packed, name))

@@ -9,7 +9,7 @@ import shapely
 from evac.building.model.building import Area, Jump
 from evac.building.model.links import isolated_parts, levels_reaching
 from evac.directions.build import build_fields
-from evac.directions.gates import Gates
+from evac.directions.density import Gates
 from evac.directions.routefield import RouteField
 from evac.directions.routes import Route
 from tests.directions.walks import positions_on

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.directions.build import build_fields
-from evac.directions.gates import BINS, STEP, THROUGH_DOORS, Gates
+from evac.directions.density import BINS, STEP, THROUGH_DOORS, Gates
 from evac.directions.routes import Route
 
 

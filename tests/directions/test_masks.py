@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from evac.directions.raster.masks import grown, nearest_marked, parts_of
+from evac.directions.raster.lattice import grown, nearest_marked, parts_of
 
 SHAPES = [(1, 1), (1, 9), (9, 1), (23, 31), (60, 40)]
 SHARES = [0.02, 0.3, 0.6, 0.95]

@@ -9,7 +9,7 @@ import shapely
 from evac.building.model.building import Door
 from evac.case.schema import QuickestSettings
 from evac.directions.build import build_fields
-from evac.directions.gates import THROUGH_DOORS
+from evac.directions.density import THROUGH_DOORS
 from evac.directions.march.waves import speed_at
 from evac.directions.quickest import Quickest
 from evac.directions.routes import Route

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.directions.build import build_fields
-from evac.directions.gates import Gates
+from evac.directions.density import Gates
 from evac.directions.march.waves import time_from
 from evac.directions.routefield import RouteField
 from evac.directions.routes import Route

@@ -9,8 +9,7 @@ import pytest
 import shapely
 
 from evac.building.surface.places import add_obstacles
-from evac.directions.build import build_fields
-from evac.directions.cellwalls import find_cell_walls
+from evac.directions.build import build_fields, find_cell_walls
 from evac.directions.fields import NO_CELL_WALLS
 from evac.directions.raster.grids import build_grids
 from evac.directions.routes import Route

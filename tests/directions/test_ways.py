@@ -8,7 +8,7 @@ import shapely
 
 from evac.building.plan.plan import Plan
 from evac.directions.build import build_fields
-from evac.directions.gates import Gates
+from evac.directions.density import Gates
 from evac.directions.routefield import RouteField
 from evac.directions.routes import Route
 from evac.simulation.assembly import read_building

@@ -10,7 +10,7 @@ import pytest
 from evac.base.phases import shown_by
 from evac.directions import build
 from evac.directions.build import build_fields
-from evac.directions.march import workers
+from evac.directions.march import marching
 from evac.directions.routes import Route
 
 ROUTES = (Route(), Route(("A",)), Route(("B",), "comfortable"))
@@ -32,8 +32,8 @@ def building(drawing):
 @pytest.fixture
 def many(started, monkeypatch):
     """Let workers pay on small grids, on a machine with many cores; return those that are started."""
-    monkeypatch.setattr(workers, "NODES_PER_WORKER", 1)
-    monkeypatch.setattr(workers, "cores", lambda: 8)
+    monkeypatch.setattr(marching, "NODES_PER_WORKER", 1)
+    monkeypatch.setattr(marching, "cores", lambda: 8)
     return started
 
 
@@ -76,7 +76,7 @@ def test_fields_are_the_same_where_gaps_are_avoided_and_links_are_closed(buildin
 
 def test_marches_of_workers_that_die_are_made_here(building, many, monkeypatch):
     expected = build_fields(building, ROUTES)
-    monkeypatch.setattr(workers, "_march", os._exit)
+    monkeypatch.setattr(marching, "_march", os._exit)
     _assert_same(build_fields(building, ROUTES, workers=3), expected)
     assert many
     _assert_ended(many)

@@ -14,9 +14,18 @@ from shapely import maximum_inscribed_circle
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from evac.building.model.building import DOWN, FLAT, UP, Area, Building, Door, Exit, Level, Link, Portal
 from evac.building.model.narrow import gaps_below, gaps_between_walls
-from evac.directions.raster.lattice import SLACK, Lattice, Window, walkable_nodes, wall_distance
-from evac.directions.raster.masks import grown, parts_of
-from evac.directions.raster.strips import behind, chain, free_rows
+from evac.directions.raster.lattice import (
+    SLACK,
+    Lattice,
+    Window,
+    behind,
+    chain,
+    free_rows,
+    grown,
+    parts_of,
+    walkable_nodes,
+    wall_distance,
+)
 
 #: Values of a sheet: not walkable, the level itself, or 1 + link for nodes behind a link.
 NOTHING, OWN = -1, 0

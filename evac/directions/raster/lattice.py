@@ -1,6 +1,11 @@
-"""The common lattice of grid nodes of a building, and its links that are crossed by segments."""
+"""The common lattice of grid nodes of a building, and its links that are crossed by segments.
 
-from collections.abc import Iterable
+Operations on masks of nodes agree with `scipy.ndimage`, whose import takes longer than computing the directions of
+small buildings. In strips of nodes behind exits marching starts, so that paths pass the posts of exits at a distance.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +15,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
+from evac.building.geometry import connected_components, side_of
 
 #: Rounding tolerance of positions on the lattice, in cells.
 SLACK = 1e-6
@@ -279,3 +285,121 @@ def wall_distance(window: Window, nodes: IndexArray, walls: FloatArray, reach: f
     wall, near = shapely.STRtree(points).query(lines, predicate="dwithin", distance=reach)
     np.minimum.at(distance, near, shapely.distance(points[near], lines[wall]))
     return distance
+
+
+def parts_of(nodes: BoolArray) -> IndexArray:
+    """Return the component (n,) of each marked node, with 4-connectivity."""
+    number = np.full(nodes.shape, -1, dtype=np.int64)
+    number[nodes] = np.arange(np.count_nonzero(nodes))
+    along_x = np.stack([number[:-1], number[1:]], axis=-1).reshape(-1, 2)
+    along_y = np.stack([number[:, :-1], number[:, 1:]], axis=-1).reshape(-1, 2)
+    pairs = np.concatenate([along_x, along_y])
+    return connected_components(int(number.max(initial=-1)) + 1, pairs[(pairs >= 0).all(axis=1)])
+
+
+def grown(nodes: BoolArray, steps: int) -> BoolArray:
+    """Mark the nodes at most `steps` nodes from a marked one along each axis (dilation by a square)."""
+    width = 2 * steps + 1
+    for axis in (0, 1):
+        padded = np.pad(nodes, [(steps + 1, steps) if axis == other else (0, 0) for other in (0, 1)])
+        before = np.cumsum(padded, axis, dtype=np.int32)
+        first, last = (slice(None, -width), slice(width, None))
+        nodes = before[last] > before[first] if axis == 0 else before[:, last] > before[:, first]
+    return nodes
+
+
+def nearest_marked(nodes: BoolArray, wanted: BoolArray) -> tuple[IndexArray, IndexArray]:
+    """Return both indices (w,) of the node of a mask (nx, ny) that is nearest to each wanted node (nx, ny), in their
+    order.
+
+    Ties are resolved by the smallest second index, then by the smallest first index. At least one node is marked.
+    """
+    row, far = np.arange(len(nodes))[:, None], sum(nodes.shape)
+    before = np.maximum.accumulate(np.where(nodes, row, -far), axis=0)
+    after = np.minimum.accumulate(np.where(nodes, row, 2 * far)[::-1], axis=0)[::-1]
+    nearest = np.where(row - before <= after - row, before, after)  # along the column of each node
+    i, j = np.nonzero(wanted)
+    squared, of_column, left, step = np.full(len(i), 4 * far**2), j.copy(), np.arange(len(i)), 0
+    while len(left):  # columns beside that of a node, as long as they may have a nearer one
+        for column in (j[left] - step, j[left] + step):
+            inside = (column >= 0) & (column < nodes.shape[1])
+            one, column = left[inside], column[inside]
+            offer = step**2 + (nearest[i[one], column] - i[one]) ** 2
+            is_nearer = (offer < squared[one]) | ((offer == squared[one]) & (column < of_column[one]))
+            squared[one[is_nearer]], of_column[one[is_nearer]] = offer[is_nearer], column[is_nearer]
+        step += 1
+        left = left[step**2 <= squared[left]]
+    return nearest[i, of_column], of_column
+
+
+#: Minimum number of rows of a strip that can contain the contour at which marching starts.
+LEAST_ROWS = 3
+#: Tolerance, as a share, for other parts of an exit that are nearer to a point behind it than its foot point.
+STRAIGHT = 0.05
+
+
+def free_rows(segments: FloatArray, ground: BaseGeometry, spacing: float, most: int) -> int:
+    """Return the number of rows of nodes that fit behind all of an exit, at most `most`; 0 if it is less than
+    `LEAST_ROWS`.
+
+    The space behind an exit may be limited by ground of the same level, a strip of another exit, or another part of the
+    same exit, such as a balcony behind a door, or the opposite side of a hatch whose four sides are one exit. Its
+    segments (s, 4) have the level on their left; rows are `spacing` apart [m].
+    """
+    place, outward = points_along(segments, 0.5 * spacing)
+    depth = spacing * np.arange(1, most + 1)
+    points = place[:, None, :] + depth[:, None] * outward[:, None, :]
+    is_free = shapely.distance(chain(segments), shapely.points(points)) > (1.0 - STRAIGHT) * depth
+    # One more row is required, since nodes adjacent to other ground are excluded.
+    beyond = shapely.linestrings(
+        np.stack([place + SLACK * spacing * outward, place + (most + 1) * spacing * outward], axis=1)
+    )
+    first = shapely.distance(shapely.points(place), shapely.intersection(beyond, ground))
+    is_free &= ~(first[:, None] <= depth + spacing)  # NaN where there is no other ground
+    rows = int(np.logical_and.accumulate(is_free.all(axis=0)).sum())
+    return rows if rows >= LEAST_ROWS else 0
+
+
+def behind(window: Window, segments: FloatArray, rows: int) -> Iterator[tuple[tuple[slice, slice], BoolArray]]:
+    """Yield, for each segment of an exit, a box and the mask of its nodes in a strip of a number of rows behind it."""
+    depth = rows * window.lattice.spacing
+    for segment in segments:
+        box = window.box_around(segment, depth)
+        x, y = window.coordinates(box)
+        x1, y1, x2, y2 = segment
+        length = math.hypot(x2 - x1, y2 - y1)
+        ahead = side_of(segment, x, y) / length
+        along = ((x2 - x1) * (x - x1) + (y2 - y1) * (y - y1)) / length
+        yield box, (ahead < 0.0) & (ahead >= -depth) & (along >= 0.0) & (along <= length)
+
+
+def outward_directions(segments: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the outward unit normals (n, 2) of the segments of an exit that are nearest to points (n, 2)."""
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2))
+    nearest = shapely.distance(lines[:, None], shapely.points(points)[None, :]).argmin(axis=0)
+    outward: FloatArray = _outward(segments)[nearest]
+    return outward
+
+
+def _outward(segments: FloatArray) -> FloatArray:
+    """Return the unit normals (s, 2) of segments to their right, away from the level."""
+    normal = np.column_stack([segments[:, 3] - segments[:, 1], segments[:, 0] - segments[:, 2]])
+    unit: FloatArray = normal / np.linalg.norm(normal, axis=1)[:, None]
+    return unit
+
+
+def points_along(segments: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
+    """Return points (n, 2) inside segments, at most `spacing` apart, and the outward normals (n, 2) there."""
+    places: list[FloatArray] = []
+    numbers: list[int] = []
+    for x1, y1, x2, y2 in segments:
+        number = max(1, math.ceil(math.hypot(x2 - x1, y2 - y1) / spacing))
+        share: NDArray[np.float64] = (np.arange(number) + 0.5)[:, None] / number
+        places.append(np.array([x1, y1]) + share * np.array([x2 - x1, y2 - y1]))
+        numbers.append(number)
+    return np.concatenate(places), np.repeat(_outward(segments), numbers, axis=0)
+
+
+def chain(segments: FloatArray) -> BaseGeometry:
+    """Return the segments of a portal or exit as one geometry."""
+    return shapely.multilinestrings(shapely.linestrings(segments.reshape(-1, 2, 2)))
