@@ -167,10 +167,7 @@ class RouteChoice(Behaviour):
         return chosen or offered
 
     def _choose(self, crowd: Crowd, choosers: _Choosers, changed: bool) -> None:
-        """Set the routes of people inside to those of minimum cost; without a reachable exit, routes are kept.
-
-        People on their way to a refuge or an assembly area keep their route, too.
-        """
+        """Set the routes of people inside, but for those on their way to an area, to those of minimum cost."""
         to_area = np.array([bool(route.area) for route in self._scene.fields.routes])
         rows = choosers.rows[crowd.level[choosers.rows] >= 0]
         rows = rows[~to_area[crowd.route[rows]]]

@@ -245,10 +245,8 @@ def descend_on_face(rows, tolerance, limit):
 
 @inner
 def _step_length(rows, held, beta, steepness):
-    """Update the direction `work_d` and its `image_d`; return the exact step length along it, 0 without descent.
-
-    A direction without curvature (opposed percussions) has no step length; the problem may have no solution.
-    """
+    """Update the direction `work_d` and its `image_d`; return the exact step length along it, 0 without descent."""
+    # A direction without curvature (opposed percussions) has no step length; the problem may have no solution.
     curvature = 0.0
     length = 0.0
     for k in range(held):

@@ -367,12 +367,10 @@ def _moved(trajectory: Trajectory) -> Iterator[_Moved]:
 
 
 def _through(moved: _Moved, level: int, segment: FloatArray) -> Passages:
-    """Return person, time and whether it is to the left, of each passage through a segment on a level.
-
-    Whoever stands on the line is at the left of the direction in which x, then y, grows, and of the ends the one from
-    which they grow belongs to the segment: so a line and its reverse count the same, and lines that share an end count
-    a passage through it once.
-    """
+    """Return person, time and whether it is to the left, of each passage through a segment on a level."""
+    # Whoever stands on the line is at the left of the direction in which x, then y, grows, and of the ends the one from
+    # which they grow belongs to the segment: so a line and its reverse count the same, and lines that share an end
+    # count a passage through it once.
     is_reversed = tuple(segment[:2]) > tuple(segment[2:])
     first, last = (segment[2:], segment[:2]) if is_reversed else (segment[:2], segment[2:])
     along = last - first

@@ -184,10 +184,7 @@ def _are_slow(trajectory: Trajectory, rows: Records, slow_from: float) -> NDArra
 
 
 def _cause(building: Building, line: LineFlow) -> tuple[str, str]:
-    """Return kind and name of what people wait for before a line: of an end of a stair, the stair or its shaft.
-
-    Before the doors of a lift it is its bank, or the lift.
-    """
+    """Return kind and name of what people wait for before a line: a shaft for its stairs, a bank for its lifts."""
     for lift in building.lifts if line.kind == "portal" else ():
         if not {*lift.rooms}.isdisjoint(line.levels):
             return "lift", lift.operation.bank or lift.name

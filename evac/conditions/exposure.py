@@ -406,11 +406,9 @@ class RoutesInSmoke(Saved):
 
 
 def _widened(fields: Fields, share: FloatArray) -> FloatArray:
-    """Return the least share (nodes,) of the speed within the clearance of each node, also across portals.
-
-    Paths keep their clearance from posts by a slowness that is up to nine times as great beside them. Where much smoke
-    ends at a door or a portal, they would lead along the post, since what lies behind it costs next to nothing.
-    """
+    """Return the least share (nodes,) of the speed within the clearance of each node, also across portals."""
+    # Paths keep their clearance from posts by a slowness that is up to nine times as great beside them. Where much
+    # smoke ends at a door or a portal, they would lead along the post, since what lies behind it costs next to nothing.
     grids = fields.grids[0].grids
     reach = 1 + 2 * (1 + math.ceil(fields.clearance / grids.lattice.spacing))
     widened = share.copy()

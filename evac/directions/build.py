@@ -80,10 +80,8 @@ def find_cell_walls(classes: Sequence[BuildingGrids], routes: int, steepest: flo
 
 
 def _cells_of(window: Window, walls: FloatArray) -> tuple[IndexArray, IndexArray]:
-    """Return indices of walls (w, 4) and flat indices of the first nodes of the cells that each passes through.
-
-    They are sorted by wall, then by cell.
-    """
+    """Return indices of walls (w, 4) and flat indices of the first nodes of the cells that each passes through."""
+    # They are sorted by wall, then by cell.
     ends = (walls.reshape(-1, 2, 2) - window.origin) / window.lattice.spacing
     step = ends[:, 1] - ends[:, 0]
     # Fractions of the length at which a wall starts, crosses a grid line and ends.
@@ -333,10 +331,9 @@ def _on_levels(grids: BuildingGrids, values: FloatArray, levels: Sequence[int]) 
 
 
 def _narrowest_class(solver: _Solver, narrowest: float) -> _Solved:
-    """Return the fields of the class of the narrowest body, for which gaps that nobody fits through are walls.
-
-    Ground that is reached only through such a gap has the fields of a second solution, in which they are slow instead.
-    """
+    """Return the fields of the class of the narrowest body, for which gaps that nobody fits through are walls."""
+    # Ground that is reached only through such a gap has the fields of a second solution, in which they are slow
+    # instead.
     own = solver.solve(narrowest)
     nodes = own.grids.own_nodes
     is_lost = any(np.isinf(own.travel_time_on(route)[nodes]).any() for route in range(len(solver.routes)))
@@ -480,10 +477,8 @@ def _factor(grids: BuildingGrids, avoided: float) -> FloatArray:
 
 
 def _within(grids: BuildingGrids, names: Iterable[str]) -> BoolArray:
-    """Mark the nodes (nodes,) in some areas, and between them and walls where no body fits.
-
-    These strips, and outlines along walls, would otherwise be ways of their own, in which people are stuck at posts.
-    """
+    """Mark the nodes (nodes,) in some areas, and between them and walls where no body fits."""
+    # These strips, and outlines along walls, would otherwise be ways of their own, in which people are stuck at posts.
     is_within = np.zeros(grids.size, np.bool_)
     for area in (part for name in names for part in grids.building.parts_named(name)):
         grid = grids.levels[area.level]
@@ -498,11 +493,9 @@ def _within(grids: BuildingGrids, names: Iterable[str]) -> BoolArray:
 
 
 def _slowed(grids: BuildingGrids, factor: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return slowness factors (nodes,) for travel times and for directions, greater in slow and in barred areas.
-
-    For directions, what barred areas cut off from all exits is as slow as these: otherwise, people who have no other
-    way would walk along the edge of the area, and queue at a corner of it.
-    """
+    """Return slowness factors (nodes,) for travel times and for directions, greater in slow and in barred areas."""
+    # For directions, what barred areas cut off from all exits is as slow as these: otherwise, people who have no other
+    # way would walk along the edge of the area, and queue at a corner of it.
     building = grids.building
     if not building.has_areas_to_heed:
         return factor, factor

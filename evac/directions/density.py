@@ -96,10 +96,8 @@ def gain_of(period: float, memory: float) -> float:
 
 
 def _behind_portals(grids: BuildingGrids, grid: LevelGrid) -> list[tuple[int, IndexArray, IndexArray]]:
-    """Return the levels behind the portals of a level, with the nodes of their halos, and its own nodes there.
-
-    The kernels of people close behind a portal reach into its halo on their own level.
-    """
+    """Return the levels behind the portals of a level, with the nodes of their halos, and its own nodes there."""
+    # The kernels of people close behind a portal reach into its halo on their own level.
     rows = []
     for portal in grids.portals_of(grid.level):
         there = grids.levels[portal.other(grid.level)]

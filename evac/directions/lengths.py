@@ -215,10 +215,8 @@ def make_ways(grids: BuildingGrids, cost: FloatArray) -> Ways:
 
 
 def _twins(grids: BuildingGrids) -> NDArray[np.int64]:
-    """Return the node at the same position on the other level for nodes on a portal, and -1 for others.
-
-    Nodes before a door of one direction have the nearest one behind it.
-    """
+    """Return the node at the same position on the other level for nodes on a portal, and -1 for others."""
+    # Nodes before a door of one direction have the nearest one behind it.
     twin = np.full(grids.size, -1, dtype=np.int64)
     for grid in grids.levels:
         for ours, theirs in grid.seams.values():

@@ -481,11 +481,9 @@ def first_car(building: Building) -> int:
 def _strips_and_starts(
     grids: BuildingGrids, exits: list[Exit], base: FloatArray, slowness: FloatArray
 ) -> tuple[BoolArray, BoolArray]:
-    """Return masks (nodes,) of the strips behind exits, and of the nodes whose times are known.
-
-    A march starts with the last rows of the strips, as that of the empty building, so that it keeps its clearance from
-    the posts of an exit; without a strip, within a cell of the exit.
-    """
+    """Return masks (nodes,) of the strips behind exits, and of the nodes whose times are known."""
+    # A march starts with the last rows of the strips, as that of the empty building, so that it keeps its clearance
+    # from the posts of an exit; without a strip, within a cell of the exit.
     strips, starts = np.zeros(grids.size, np.bool_), np.zeros(grids.size, np.bool_)
     for exit_ in exits:
         grid = grids.levels[exit_.level]
@@ -533,10 +531,8 @@ def _start_at_exits(waves: MarchState, grids: BuildingGrids, exits: list[Exit], 
 def _one_way(
     grids: BuildingGrids, source: IndexArray, twin: IndexArray, barred: frozenset[tuple[int, int]]
 ) -> tuple[IndexArray, IndexArray]:
-    """Return sources and twins (nodes,) to which times go on, which none do through links against their direction.
-
-    The portals `barred` are not passed from the level with which they are given.
-    """
+    """Return sources and twins (nodes,) to which times go on, which none do through links against their direction."""
+    # The portals `barred` are not passed from the level with which they are given.
     building = grids.building
     if not (building.one_way or barred):
         return source, twin

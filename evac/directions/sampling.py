@@ -188,11 +188,9 @@ def _direction_in_sight(
 def _is_corner_hidden(
     fields: PackedFields, level: int, ix: int, iy: int, a: int, b: int, fx: float, fy: float, first: int, last: int
 ) -> bool:
-    """Return whether one of the walls first to last is between node (ix + a, iy + b) and the position (fx, fy).
-
-    A wall that ends at or passes through one of them does not hide it. A point nearer than about 1e-9 m to a wall
-    counts as on it, which covers rounding errors.
-    """
+    """Return whether one of the walls first to last is between node (ix + a, iy + b) and the position (fx, fy)."""
+    # A wall that ends at or passes through one of them does not hide it. A point nearer than about 1e-9 m to a wall
+    # counts as on it, which covers rounding errors.
     x0 = fields.origin[level, 0] + fields.spacing * ix
     y0 = fields.origin[level, 1] + fields.spacing * iy
     ax, ay = x0 + fx * fields.spacing, y0 + fy * fields.spacing

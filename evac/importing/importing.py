@@ -204,10 +204,8 @@ def _show(what: str) -> None:
 
 
 def _changed_files(folder: Path) -> dict[str, str]:
-    """Return the case and the plan that were changed after an import to a folder, with their digests before that.
-
-    A folder with other things than an import is refused.
-    """
+    """Return the case and the plan that were changed after an import to a folder, with their digests before that."""
+    # A folder with other things than an import is refused.
     usable_path(folder, ScenarioError)
     if folder.exists() and not folder.is_dir():
         raise ScenarioError(f"{folder}: not a folder; choose another one for the case")
@@ -323,10 +321,8 @@ class _Draft:
 
 @contextmanager
 def _drafted(folder: Path, source: Path) -> Iterator[Path]:
-    """Yield a draft beside a folder, which an error leaves as it was; one that a killed import has left is removed.
-
-    Errors name the file that is imported instead of one in the draft.
-    """
+    """Yield a draft beside a folder, which an error leaves as it was; one that a killed import has left is removed."""
+    # Errors name the file that is imported instead of one in the draft.
     place = folder.resolve()
     draft = place.with_name(f"{place.name}.importing")
     try:

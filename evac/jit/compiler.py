@@ -127,11 +127,10 @@ _resolved: dict[tuple[Any, Any], Any] = {}
 
 
 class _Typing(typing.Context):
-    """Typing context of kernels.
+    """Typing context of kernels."""
 
-    Attributes for which numba would compile functions, mainly those of its arrays, are omitted, since registering them
-    takes as long as compiling a kernel. The type of each operation on the same types is searched for once.
-    """
+    # Attributes for which numba would compile functions, mainly those of its arrays, are omitted, since registering
+    # them takes as long as compiling a kernel. The type of each operation on the same types is searched for once.
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
         if kws:
@@ -301,10 +300,7 @@ def _fits(kind: types.Type, wanted: str) -> bool:
 
 
 def _wrapper(context: Any, description: Any, arguments: list[Any], entry: Entry, symbol: str) -> ir.Module:
-    """Return a module with a wrapper that takes and returns plain numbers and calls the compiled function.
-
-    An exception in the function, as functions under ``numba.njit`` may raise, is recorded, and zeros are returned.
-    """
+    """Return a module with a wrapper of plain numbers, which records an exception of the function and returns zeros."""
     module = context.create_module(symbol)
     inputs = [context.get_value_type(kind) for kind in arguments]
     returned = entry.signature[1]

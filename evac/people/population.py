@@ -447,10 +447,7 @@ def _take_area(
     seed: int,
     out: dict[int, LeftOut],
 ) -> tuple[Finding, ...]:
-    """Place a group at random in its areas, clear of walls, portals, exits, doorways and people placed before.
-
-    `out`: what is left out of levels, to which those that are new are added.
-    """
+    """Place a group at random in its areas, clear of walls, doors and people; `out` gets what is left out of levels."""
     generator = generator_for(seed, "people", people.name, "position")
     widest, first, findings = float(crowd.contact_radius[rows].max()), 0, list[Finding]()
     for area, number in starts_of(str(case.source), people, building):

@@ -154,10 +154,8 @@ def _check_walks(
 
 
 def _arrived(building: Building, fields: Fields, route: int, ends: FloatArray) -> FloatArray:
-    """Return the ends of walks, of which those within a cell of an exit of a route have arrived.
-
-    The cells of a long exit that is not parallel to the grid are partly behind it, where there are no directions.
-    """
+    """Return the ends of walks, of which those within a cell of an exit of a route have arrived."""
+    # The cells of a long exit that is not parallel to the grid are partly behind it, where there are no directions.
     ends = ends.copy()
     names = fields.routes[route].exits
     for way in building.exits:

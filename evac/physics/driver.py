@@ -250,11 +250,9 @@ def _tally_contacts(state):
 
 @inner
 def _centres_pass(state):
-    """Return whether the centres of two people pass each other in the sub-step; note one of them as failed.
-
-    Only overlaps beyond a radius can be that deep, as no free path is longer than half a radius. People who overlap
-    from the start of the run are excepted.
-    """
+    """Return whether the centres of two people pass each other in the sub-step; note one of them as failed."""
+    # Only overlaps beyond a radius can be that deep, as no free path is longer than half a radius. People who overlap
+    # from the start of the run are excepted.
     bodies, contacts, share = state.bodies, state.contacts, state.traits.old_share
     if contacts.deepest <= bodies.smallest:
         return False

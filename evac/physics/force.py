@@ -118,10 +118,8 @@ def add_body_forces(state: State) -> int:
 
 @inner
 def _nearest_wall(state, i, reach):
-    """Return the gap to the nearest wall of body i and the unit vector towards the body; infinity from `reach` on.
-
-    Walls of other levels are reached through portals, as in contacts.
-    """
+    """Return the gap to the nearest wall of body i and the unit vector towards the body; infinity from `reach` on."""
+    # Walls of other levels are reached through portals, as in contacts.
     world, bodies, lists = state.world, state.bodies, state.lists
     x, y = bodies.position[i, 0], bodies.position[i, 1]
     nearest, nx, ny = greatest_extent(bodies, i) + reach, 0.0, 0.0

@@ -37,10 +37,7 @@ def desired_direction(world, people, i):
 
 @inner
 def _with_extra_direction(people, i, ex, ey):
-    """Return the unit vector of the sum of a direction and the extra direction of person i.
-
-    Who is let through a closing link leaves its line.
-    """
+    """Return the unit vector of a direction plus the extra one of person i, who leaves the line of a closing link."""
     if people.passing[i] >= 0 and (people.ahead[i, 0] != 0.0 or people.ahead[i, 1] != 0.0):
         return people.ahead[i, 0], people.ahead[i, 1]
     if people.extra_direction[i, 0] != 0.0 or people.extra_direction[i, 1] != 0.0:
@@ -55,10 +52,8 @@ def _with_extra_direction(people, i, ex, ey):
 
 @inner
 def _read_directions(fields, bodies):
-    """Read the directions at the nodes around the bodies that have moved to another cell.
-
-    Most are not in the caches. No branch depends on the values, so that the processor can read many at a time.
-    """
+    """Read the directions at the nodes around the bodies that have moved to another cell."""
+    # Most are not in the caches. No branch depends on the values, so that the processor can read many at a time.
     arrived = 0
     for i in range(bodies.inside):
         level = bodies.level[i]

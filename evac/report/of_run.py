@@ -191,10 +191,8 @@ def write_bundle(run: Results, report: str, path: Path) -> None:
 
 
 def _names(folder: Path, files: Iterable[Path]) -> dict[Path, str]:
-    """Return the names in the zip of the files that a run has read.
-
-    Those in the folder of the case keep their places; each other folder gets a number, below which files keep theirs.
-    """
+    """Return the names in the zip of the files that a run has read."""
+    # Those in the folder of the case keep their places; each other folder gets a number, below which files keep theirs.
     named, roots = dict[Path, str](), {folder: ""}
     for path in sorted(files, key=lambda path: (len(path.parts), path)):
         if not path.is_file():

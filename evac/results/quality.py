@@ -188,10 +188,8 @@ def queue_warnings(results: "Results") -> tuple[str, ...]:
 
 
 def _idle_exits(results: "Results") -> Iterator[str]:
-    """Yield a line for each open exit that nobody left by while people who may take it queued at another one nearby.
-
-    They could have walked straight to it in the time for which it was idle, and did not choose exits by the queues.
-    """
+    """Yield a line for each open exit that nobody left by while people who may take it queued at another one nearby."""
+    # They could have walked straight to it in the time for which it was idle, and did not choose exits by the queues.
     if results.trajectory is None:
         return
     crowd, exits, told = results.crowd, {one.name: one for one in results.building.exits}, set[str]()

@@ -157,11 +157,9 @@ class Lifts(Saved):
         return rows
 
     def _by_hand(self, k: int) -> float:
-        """Return the time by hand in which the cars of a bank bring the people down whom they have brought [s].
-
-        It is that of ELVAC (Klote and Alvord, NISTIR 4730, 1992): the round trips of full cars from each storey over
-        the number of cars, and longer by a share; people get in and out one after the other.
-        """
+        """Return the time by hand in which the cars of a bank bring the people down whom they have brought [s]."""
+        # It is that of ELVAC (Klote and Alvord, NISTIR 4730, 1992): the round trips of full cars from each storey over
+        # the number of cars, and longer by a share; people get in and out one after the other.
         lift, own = self._lifts[k], self._lifts[k].operation
         bank = [other for other, one in enumerate(self._lifts) if one is lift or own.bank == one.operation.bank]
         bank, total = bank if own.bank else [k], 0.0
@@ -323,12 +321,10 @@ class Lifts(Saved):
         return self._lifts[k].doors[0][0] in self._scene.building.awaited
 
     def _longer_waits(self, on_way: IntArray) -> dict[int, float]:
-        """Return by how much longer people wait for each lift than is expected always [s], by the rooms of its car.
-
-        They wait until the last of those on the way to each room (levels,), and of those before its doors, are taken
-        in: the cars of a bank make a trip for as many as they have places, wherever the dispatcher sends the next that
-        is free.
-        """
+        """Return by how much longer people wait for each lift than is expected always [s], by the rooms of its car."""
+        # They wait until the last of those on the way to each room (levels,), and of those before its doors, are taken
+        # in: the cars of a bank make a trip for as many as they have places, wherever the dispatcher sends the next
+        # that is free.
         waits = {room: np.inf for lift in self._lifts for room in lift.rooms if room != lift.rooms[lift.discharge]}
         people = [sum(int(on_way[door.other(lobby.level)]) for *_, door in lobby.cars) for lobby in self._lobbies]
         free = {k: self._free_in(k) for k in range(len(self._lifts)) if self._runs(k)}
@@ -363,10 +359,7 @@ class Lifts(Saved):
         return float(ride + own.opening + own.closing + max(LEAST_TRANSFER, TRANSFER * people))
 
     def _next_stop(self, k: int) -> int | None:
-        """Return the next stop of a car: one that its dispatcher chooses, or if it is out of service its discharge.
-
-        A car at its discharge first takes those who ride up from there.
-        """
+        """Return the next stop of a car: its dispatcher chooses, but those who ride up from its discharge go first."""
         lift, stop, calls = self._lifts[k], int(self.stop[k]), list[StopCall]()
         if not self._runs(k):
             return None if stop == lift.discharge else lift.discharge
@@ -429,10 +422,7 @@ class Lifts(Saved):
         self.waits_since[waits & np.isnan(self.waits_since)] = scene.time
 
     def _goes_to_lifts(self, rows: IntArray, of: NDArray[np.int64]) -> tuple[NDArray[np.bool_], FloatArray]:
-        """Return who of some people before lobbies is on the way to one of the doors there, and not out of a car.
-
-        For each of them, the time of the way through these doors is returned, too [s].
-        """
+        """Return who of some people before lobbies is on the way to the doors there, and how long it takes [s]."""
         if not len(rows):
             return np.zeros(0, np.bool_), np.zeros(0)
         fields, doors = self._scene.fields, np.array([len(lines) for lines in self._lines])[of]
@@ -475,10 +465,8 @@ class Lifts(Saved):
         return fits if lift.operation.load is None else fits & (crowd.mass <= lift.operation.load)
 
     def _places_for(self, k: int, rows: IntArray, inside: IntArray) -> FloatArray:
-        """Return the places of some people, in their order, in a car besides those in it; NaN if it has no room.
-
-        There is room by number, load and ground; who is too heavy or too wide lets the others pass.
-        """
+        """Return the places of some people, in their order, in a car besides those in it; NaN if it has no room."""
+        # There is room by number, load and ground; who is too heavy or too wide lets the others pass.
         own, mass = self._lifts[k].operation, self._crowd.mass
         load, total = np.inf if own.load is None else own.load, mass[inside].sum()
         places, taken, halves = np.full((len(rows), 2), np.nan), self._place[inside], self._half(k, inside)
@@ -536,10 +524,7 @@ class Lifts(Saved):
             crowd.passing[new[np.isfinite(places[:, 0])]] = door.index
 
     def _call_in(self, k: int, stop: int) -> None:
-        """Call the nearest people who wait before the doors of a bank to an empty car that leaves for them, or opens.
-
-        Those whom it has called before stay called.
-        """
+        """Call the nearest who wait before the doors of a bank to an empty car; whom it has called stays called."""
         lobby = self._lobbies[self._lobby[k, stop]]
         if len(inside := self._inside(k)) or len(lobby.cars) < 2:
             return

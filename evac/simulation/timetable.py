@@ -93,10 +93,7 @@ def _check_strategy(scene: "Scene", change: Change) -> None:
 
 
 def _change_strategy(scene: "Scene", change: Change) -> Mapping[str, Any] | None:
-    """Change the strategy of a group, or send it to exits or assembly areas.
-
-    People whose route a behaviour has chosen keep it if there are no directions for the route after the change.
-    """
+    """Change the strategy of a group, or send it to exits or assembly areas, where there are directions for it."""
     group, rows, places = _group_of(scene, change)
     value, routes = change.values["value"], scene.fields.routes
     if isinstance(value, tuple) and places.has_assembly_areas(value):

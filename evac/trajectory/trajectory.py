@@ -551,11 +551,9 @@ def _read_header(path: Path, data: mmap.mmap) -> tuple[dict[str, Any], pa.Schema
 
 
 def _read_frames(path: Path, data: mmap.mmap, schema: pa.Schema, end: int) -> tuple[list[Rows], int]:
-    """Return all frames from a byte on, and the byte at which the last one ends.
-
-    A frame that is incomplete or does not match its checksum is left out, as a kill or a failure of the system leaves
-    it, if no other one begins behind it.
-    """
+    """Return all frames from a byte on, and the byte at which the last one ends."""
+    # A frame that is incomplete or does not match its checksum is left out, as a kill or a failure of the system leaves
+    # it, if no other one begins behind it.
     frames: list[Rows] = []
     whole = pa.py_buffer(data)
     while (record := read_sealed(data, end, len(data))) is not None:

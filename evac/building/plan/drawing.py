@@ -255,10 +255,7 @@ class Drawing:
     def _near_doors(
         self, storey: str, rows: list[int]
     ) -> dict[int, tuple[BaseGeometry, BaseGeometry, list[int], Beside]]:
-        """Return what is near each of some doors of a storey: the place, the rooms, and doors before it.
-
-        The last are the strips of ground between the door and these rooms, if it stands between two of them.
-        """
+        """Return what is near each door of a storey: place, rooms, earlier doors, and ground between two rooms."""
         doors = [self.plan.doors[row] for row in rows]
         ends, reach = np.array([door.segment for door in doors]), np.array([door.reach for door in doors])
         beyond = reach + np.hypot(*(ends[:, 1] - ends[:, 0]).T) + SNAP

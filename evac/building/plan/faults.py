@@ -95,11 +95,9 @@ class DrawnPlan:
     def _chain(
         self, error: Finding, section: str, row: dict[str, Any], doors: list[Item], known: set[str]
     ) -> list[Finding]:
-        """Return an error and those of its item that follow it, each with a change that removes it.
-
-        A change that leads to an error of a kind that is known is no way. Other errors of an item are found after those
-        of the names in it, also if nothing mends them.
-        """
+        """Return an error and those of its item that follow it, each with a change that removes it."""
+        # A change that leads to an error of a kind that is known is no way. Other errors of an item are found after
+        # those of the names in it, also if nothing mends them.
         names, later = names_like(self.plan, self.drawing, row), list[tuple[dict[str, Any], Finding]]()
         for change in [*names, *changes_of_drawn(self.plan, self.drawing, section, row, error.text)]:
             again = self._tried(section, str(error.item).partition(".")[2], {**row, **change}, doors)
@@ -134,10 +132,7 @@ class DrawnPlan:
         return max(found, key=lambda one: one[0])[1]  # with most pieces joined
 
     def _tried(self, section: str, name: str, row: Mapping[str, Any], doors: list[Item]) -> Finding | None:
-        """Return the error or warning of an item, by its name, that is added to the rest of a plan with some doors.
-
-        A door without one is added to these doors.
-        """
+        """Return the error or warning of an item added to a plan; a door without one joins `doors`."""
         rest, trial = self.plan, Plan(self.source, headroom=self.plan.headroom)
         trial.storeys, trial.refused = rest.storeys, rest.refused
         ends: Any = row.get("segment")

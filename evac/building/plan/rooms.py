@@ -154,10 +154,7 @@ def _tied(
     walls: Mapping[tuple[str, tuple[str, ...]], FloatArray],
     errors: list[Finding],
 ) -> Item | None:
-    """Return an item whose tie to rooms, given by storey and name, is a segment or polygons, or None with an error.
-
-    `walls`: between two rooms; see `_walls_of`.
-    """
+    """Return an item whose tie to rooms or walls is a segment or polygons, or None with an error."""
     if item.tie is None:
         return item
     known = outlines.get(item.storey, {})
@@ -187,10 +184,8 @@ def _tied(
 def _walls_of(
     plan: Plan, outlines: Mapping[str, Mapping[str, BaseGeometry]]
 ) -> dict[tuple[str, tuple[str, ...]], FloatArray]:
-    """Return the longest straight wall (2, 2) between two rooms, by storey and rooms, of all that are tied to two.
-
-    It is given from its end with the least (x, y), in the middle of a wall that is drawn with both its faces.
-    """
+    """Return the longest straight wall (2, 2) between two rooms, by storey and rooms, of all that are tied to two."""
+    # It is given from its end with the least (x, y), in the middle of a wall that is drawn with both its faces.
     items = (item for kind in (*REPEATED, "exits", "openings") for item in getattr(plan, kind) if item.tie is not None)
     ties = {(item.storey, item.tie.rooms) for item in items if len(item.tie.rooms) == 2}
     pairs = [one for one in sorted(ties) if outlines.get(one[0], {}).keys() >= {*one[1]}]

@@ -345,11 +345,9 @@ def _without_overshoots(pieces: Lines, gap: float) -> Lines:
 
 
 def _closings(pieces: Lines, gap: float) -> FloatArray:
-    """Return lines (c, 4) that join ends of walls to other ends and walls within a gap, nearest first.
-
-    Joined ends form one cluster, which is joined to every other end and wall once. Lines much farther from an end than
-    the nearest one are not joined to it.
-    """
+    """Return lines (c, 4) that join ends of walls to other ends and walls within a gap, nearest first."""
+    # Joined ends form one cluster, which is joined to every other end and wall once. Lines much farther from an end
+    # than the nearest one are not joined to it.
     if not len(pieces) or not gap > 0.0:
         return np.empty((0, 4))
     nodes, at, count = _nodes(pieces)

@@ -171,10 +171,7 @@ def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[
 
 
 def _standing_obstacles(building: Building, surface: Surface) -> list[tuple[str, Level, BaseGeometry]]:
-    """Find tagged obstacles drawn on top of a floor; obstacles cut out of the floor already have walls.
-
-    Bodies of one name may stand on several storeys.
-    """
+    """Find tagged obstacles on top of a floor, also on several storeys; those cut out of it have walls already."""
     obstacles = []
     for tag, corners in ((tag, own) for tag, given in sorted(surface.obstacles.items()) for own in _by_foot(given)):
         cells = shapely.polygons(corners[:, :, :2])

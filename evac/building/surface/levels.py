@@ -272,11 +272,9 @@ def _mark_landings(levels: list[Level], neighbours: IndexArray, is_area: BoolArr
 
 
 def _name_stairs(levels: list[Level], neighbours: IndexArray) -> list[Level]:
-    """Number stairs: chains of flights and landings, from storey to storey.
-
-    Of those without a tag, ``stair 1`` has the lowest level index; several above each other with one tag are ``TAG 0``
-    for the lowest, ``TAG 1`` and so on. A landing beside a floor ends the stair that leads up to it.
-    """
+    """Number stairs: chains of flights and landings, from storey to storey, the lowest first."""
+    # Of those without a tag, ``stair 1`` has the lowest level index; several above each other with one tag are ``TAG
+    # 0`` for the lowest, ``TAG 1`` and so on. A landing beside a floor ends the stair that leads up to it.
     height = [level.z_min + level.z_max for level in levels]
     around = {level.index: neighbours[neighbours[:, 0] == level.index, 1].tolist() for level in levels}
     ends = {

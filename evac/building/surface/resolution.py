@@ -97,10 +97,7 @@ def _units(tall: float, thin: float, _: float) -> list[float]:
 
 
 def _largest_wall(mesh: TriangleMesh) -> tuple[float, float, float] | None:
-    """Return the height and the thickness of the largest body that is a wall [units], and the share of walls as high.
-
-    Return None if there is none.
-    """
+    """Return height and thickness of the largest wall [units] and the share of walls as high; None if there is none."""
     points, index = np.unique(mesh.points, axis=0, return_inverse=True)
     cells = index.ravel()[mesh.triangles]
     cells = cells[(cells != np.roll(cells, 1, axis=1)).all(axis=1)]  # rounding joins corners of slivers

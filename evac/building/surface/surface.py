@@ -108,11 +108,9 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
 
 
 def _is_fitted(vertices: FloatArray, triangles: IndexArray) -> BoolArray:
-    """Return the level cells that share at least two sides with one other cell each, as in a triangulation of a floor.
-
-    Such a cell may be narrow: it is needed, since its neighbours meet its sides and not each other. It is not where
-    rounding has turned it over, so that a neighbour is on the same side of an edge.
-    """
+    """Return the level cells that share at least two sides with one other cell each, as in a triangulation."""
+    # Such a cell may be narrow: it is needed, since its neighbours meet its sides and not each other. It is not where
+    # rounding has turned it over, so that a neighbour is on the same side of an edge.
     directed = _counter_clockwise(vertices, triangles)[:, [[0, 1], [1, 2], [2, 0]]]
     _, row, uses = np.unique(np.sort(directed.reshape(-1, 2), axis=1), axis=0, return_inverse=True, return_counts=True)
     is_shared = (uses[row.ravel()] == 2).reshape(-1, 3).sum(axis=1) >= 2
@@ -205,11 +203,9 @@ def _cut_exits(
 
 
 def _check_ground(source: Path, before: FloatArray, is_sure: BoolArray, after: FloatArray, weld: float) -> None:
-    """Refuse cells (t, 3, 3) so narrow that welding changes the area of the ground in plan.
-
-    Cells that are not `is_sure` are slivers, which may be separate ground or overlap other cells: the area must be
-    right in both cases.
-    """
+    """Refuse cells (t, 3, 3) so narrow that welding changes the area of the ground in plan."""
+    # Cells that are not `is_sure` are slivers, which may be separate ground or overlap other cells: the area must be
+    # right in both cases.
     drawn = plan_area(before)
     for least in (drawn.sum(), drawn[is_sure].sum()):
         change = float(plan_area(after).sum() - least)

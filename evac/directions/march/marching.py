@@ -209,13 +209,11 @@ class _March:
         self._queue_portals(level)
 
     def _march_from_exits(self, grid: LevelGrid, use: int, rows: int, cost: float, exits: list[Exit]) -> None:
-        """March from the lines of exits with a given cost, whose strips have a given number of `rows`.
-
-        A plain field starts at an exact ring around the lines, since the field has a kink at the ends of a line, which
-        reduces the accuracy of the second-order stencil. A field with clearance starts behind the exits, half a cell
-        before the last row of nodes that is certainly in the strip. Without a strip, it starts at a ring around the
-        middle of each exit, at a clearance from its posts.
-        """
+        """March from the lines of exits with a given cost, whose strips have a given number of `rows`."""
+        # A plain field starts at an exact ring around the lines, since the field has a kink at the ends of a line,
+        # which reduces the accuracy of the second-order stencil. A field with clearance starts behind the exits, half a
+        # cell before the last row of nodes that is certainly in the strip. Without a strip, it starts at a ring around
+        # the middle of each exit, at a clearance from its posts.
         behind = np.isin(grid.sheet, [1 + self.grids.building.link_of(exit_) for exit_ in exits])
         walkable = behind | self.grids.is_ground(grid)
         ring = (RING if self.is_plain or rows == 0 else 1.5 - rows) * self.spacing

@@ -440,12 +440,10 @@ class _Layers:
         sheet[box][(sheet[box] == NOTHING) & nodes] = 1 + portal.index
 
     def _cut_links(self, window: Window, sheet: IntArray, level: int, portals: Sequence[Portal]) -> None:
-        """Remove nodes of halos and strips that would be connected other than through their portal or exit.
-
-        Neighbouring nodes may be connected if they are on one level, or if the link between them crosses the open
-        portal or exit and no wall on either side. Otherwise, the wave would leak between two flights side by side in
-        the grid of their landing, or between a flight and the floor beside it.
-        """
+        """Remove nodes of halos and strips that would be connected other than through their portal or exit."""
+        # Neighbouring nodes may be connected if they are on one level, or if the link between them crosses the open
+        # portal or exit and no wall on either side. Otherwise, the wave would leak between two flights side by side in
+        # the grid of their landing, or between a flight and the floor beside it.
         behind = {1 + p.index: (p.segments, p.other(level)) for p in portals}
         for exit_ in self.building.exits_of(level):
             behind[1 + self.building.link_of(exit_)] = (exit_.segments, -1 - exit_.index)

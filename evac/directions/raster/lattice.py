@@ -261,11 +261,9 @@ def _stand_ins(
 
 
 def _slits(polygon: BaseGeometry, walls: FloatArray, slack: float) -> FloatArray:
-    """Return the parts (s, 4) of walls that are not on the outline, with the level on both sides.
-
-    They are longer than what is left outside the surroundings of the outline, so that a link through their end crosses
-    them whatever the rounding.
-    """
+    """Return the parts (s, 4) of walls that are not on the outline, with the level on both sides."""
+    # They are longer than what is left outside the surroundings of the outline, so that a link through their end
+    # crosses them whatever the rounding.
     sides, outline = shapely.linestrings(walls.reshape(-1, 2, 2)), shapely.buffer(polygon.boundary, slack)
     shapely.prepare(outline)
     rest = shapely.difference(sides[~shapely.covers(outline, sides)], outline)

@@ -284,10 +284,8 @@ def find_contacts(state):
 
 @inner
 def _pick_near(bodies, lists, near, i):
-    """Pick the bodies listed for body i that are within both reaches; return their number.
-
-    Each body is written, and counted only if it is near: a branch that depends on positions is often mispredicted.
-    """
+    """Pick the bodies listed for body i that are within both reaches; return their number."""
+    # Each body is written, and counted only if it is near: a branch that depends on positions is often mispredicted.
     x, y, r = bodies.position[i, 0], bodies.position[i, 1], greatest_extent(bodies, i) + bodies.reach[i]
     picked = 0
     for slot in range(lists.pair_start[i], lists.pair_start[i + 1]):

@@ -141,10 +141,7 @@ def build_lists(world, bodies, lists):
 
 @inner
 def _list_pairs(world, bodies, lists):
-    """List the pairs of bodies; return OK or PAIRS_FULL.
-
-    Bodies on different levels can touch through portals only, so other levels matter to those near one.
-    """
+    """List the pairs of bodies, which on different levels touch through portals only; return OK or PAIRS_FULL."""
     pair_body, cells, span = lists.pair_body, lists.cells, lists.pair_reach + lists.skin
     capacity = pair_body.shape[0]
     used = 0
@@ -216,10 +213,7 @@ def _sort(numbers, first, last):
 
 @inner
 def _list_walls(world, bodies, lists):
-    """List the walls of bodies; return OK or WALLS_FULL.
-
-    Note also where they are, and which can reach a portal or exit before the lists are built again.
-    """
+    """List the walls of bodies, and which can reach a portal or exit before the next lists; return OK or WALLS_FULL."""
     wall_item, capacity = lists.wall_item, lists.wall_item.shape[0]
     span, near = lists.wall_reach + lists.skin, 1.5 * lists.skin
     used = 0

@@ -99,10 +99,7 @@ def _law_along_normal(pair: Entry) -> Callable[[State, PairLaw, float], int]:
 
 
 def _law_with_friction(pair: Entry) -> Callable[[State, PairLaw, float], int]:
-    """Return the law for a function with friction, whose stiffness along the tangent is found likewise.
-
-    It is that towards less friction: a contact that slides may stick in the next step.
-    """
+    """Return the law for a function with friction, whose stiffness along the tangent is that towards less friction."""
 
     def law(state: State, own: PairLaw, h: float) -> int:
         bodies, contacts, given = state.bodies, state.contacts, own.parameters
@@ -175,11 +172,9 @@ def _look_ahead(bodies, h):
 
 @inner
 def _add_stiffness(bodies, contacts, own, c, stiffness):
-    """Add the greatest stiffness of contact c along a direction to the bounds of omega^2 of its bodies.
-
-    Gershgorin's bound is the sum of k (1/m + 1/sqrt(m m')) over the contacts of a body of mass m with those of mass m',
-    which is at most that of k (3/m + 1/m') / 2.
-    """
+    """Add the greatest stiffness of contact c along a direction to the bounds of omega^2 of its bodies."""
+    # Gershgorin's bound is the sum of k (1/m + 1/sqrt(m m')) over the contacts of a body of mass m with those of mass
+    # m', which is at most that of k (3/m + 1/m') / 2.
     i, j = contacts.body[c], contacts.other[c]
     if j < 0:
         own.square[i] += stiffness * bodies.inverse_mass[i]
@@ -190,10 +185,8 @@ def _add_stiffness(bodies, contacts, own, c, stiffness):
 
 @inner
 def _is_unstable(state, own, h):
-    """Return whether the contacts make a sub-step unstable; note the body as failed.
-
-    The limit of h^2 omega^2 is that of a spring with the damping of the drive, at least 2 if that is not explicit.
-    """
+    """Return whether the contacts make a sub-step unstable; note the body as failed."""
+    # The limit of h^2 omega^2 is that of a spring with the damping of the drive, at least 2 if that is not explicit.
     bodies, explicit = state.bodies, state.clock.explicit
     least = 0.0 if explicit else 2.0
     for i in range(bodies.inside):

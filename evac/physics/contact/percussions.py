@@ -88,11 +88,9 @@ def solve_once(state, solver, free, velocity, compliance, tangential, tolerance,
 
 @inner
 def _check_solution(state, tolerance):
-    """Replace velocities and residual by those of the percussions that a solver found; count failed solves.
-
-    A solve has failed if percussions are not finite, or if the residual exceeds the tolerance [m/s] and the solver has
-    stated a smaller one.
-    """
+    """Replace velocities and residual by those of the percussions that a solver found; count failed solves."""
+    # A solve has failed if percussions are not finite, or if the residual exceeds the tolerance [m/s] and the solver
+    # has stated a smaller one.
     problem = state.problem
     stated = problem.residual
     renew_velocity(problem)
@@ -272,11 +270,10 @@ def separate(state: State, is_solve: int) -> int:
 
 @inner
 def _displace(state):
-    """Move all bodies by the displacement in ``bodies.solved``, without changing velocities or time.
-
-    All bodies move by the same share of their displacements, so that no new overlaps arise: the largest share within
-    the reach of contacts and half a radius. The rest is left to later steps, since subdividing this one does not help.
-    """
+    """Move all bodies by the displacement in ``bodies.solved``, without changing velocities or time."""
+    # All bodies move by the same share of their displacements, so that no new overlaps arise: the largest share within
+    # the reach of contacts and half a radius. The rest is left to later steps, since subdividing this one does not
+    # help.
     bodies, events = state.bodies, state.events
     share = 1.0
     for i in range(bodies.inside):

@@ -105,10 +105,8 @@ def treads_of(bodies: Sequence[Body]) -> Treads:
 
 
 def _faces(body: Body) -> list[Landing]:
-    """Return the level faces of a stair that people can step on, from bottom to top; nosings belong to their treads.
-
-    What is below another face, such as the steps of a stringer on which treads lie, is no part of them.
-    """
+    """Return the level faces of a stair that people can step on, from bottom to top; nosings belong to their treads."""
+    # What is below another face, such as the steps of a stringer on which treads lie, is no part of them.
     faces: list[Landing] = []
     tops = [(closed(plan, 0.02), z) for plan, z in body.tops()]
     for row, (plan, z) in enumerate(tops):
@@ -150,10 +148,8 @@ def _straight_edges(treads: Sequence[BaseGeometry], direction: FloatArray) -> Fl
 
 
 def _winding_edges(treads: Sequence[BaseGeometry], riser: float) -> tuple[FloatArray, float]:
-    """Return the edges (t + 1, 2, 2) of treads that turn, shortened at their narrow ends, and their least width [m].
-
-    Edges that are too short then, of treads that are long enough, are lengthened at their outer ends for single file.
-    """
+    """Return the edges (t + 1, 2, 2) of treads that turn, shortened at their narrow ends, and their least width [m]."""
+    # Edges that are too short then, of treads that are long enough, are lengthened at their outer ends for single file.
     between = [_shared(lower, upper) for lower, upper in pairwise(treads)]
     edges = np.array([_far_side(treads[0], between[0])[::-1], *between, _far_side(treads[-1], between[-1])])
     lengths = np.hypot(*(edges[:, 1] - edges[:, 0]).T)
