@@ -355,7 +355,7 @@ def _stairs(steps: list[list[Line]], floors: list[Floor], cut_slabs: bool, findi
     stairs = stairs_of(lead, floors, hulls, cut_slabs, findings)
     made = united([stair.plan for stair in stairs])
     for body in bodies:
-        plan = body.shadow()
+        plan = body.shadow
         if common(plan, made).area < 0.5 * plan.area:
             for floor in floors:
                 if body.z_min < floor.z + SECTIONS[-1] and body.z_max > floor.z + SECTIONS[0]:

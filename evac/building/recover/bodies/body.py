@@ -1,5 +1,6 @@
 """A solid body of a building model, with its level faces and horizontal sections."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,6 +17,8 @@ LEVEL = float(np.cos(np.radians(3.0)))
 SAME_HEIGHT = 0.02
 #: Grid to which plans of bodies are rounded [m]; corners closer together would be welded.
 MILLIMETRE = 1e-3
+#: Vertical component of the unit normal of sides that are vertical, at most; the other two corners of a triangle.
+VERTICAL, OTHERS = 1e-9, np.array([[1, 2], [0, 2], [0, 1]])
 #: Notches in outlines up to this depth are smoothed [m].
 NOTCH = 2.5e-3
 
@@ -96,24 +99,30 @@ class Body:
                 levels.append((plan, float(height[group].max())))
         return levels
 
+    @cached_property
     def shadow(self) -> BaseGeometry:
-        """Return the projection of the body onto the plan."""
+        """Projection of the body onto the plan."""
         return in_plan(self.corners[:, :, :2])
 
-    def section(self, z: float) -> BaseGeometry:
-        """Return the section at height `z` [m]; empty where the body is not closed."""
-        above = self.corners[:, :, 2] > z
-        cut = above.any(axis=1) & ~above.all(axis=1)
-        lines = []
-        for corners, is_above in zip(self.corners[cut], above[cut], strict=True):
-            lone = int(np.flatnonzero(is_above == (is_above.sum() == 1))[0])
-            start, others = corners[lone], np.delete(corners, lone, axis=0)
-            share = ((z - start[2]) / (others[:, 2] - start[2]))[:, None]
-            lines.append((start + share * (others - start))[:, :2])
-        if not lines:
-            return shapely.Polygon()
-        noded = shapely.union_all(shapely.linestrings(np.array(lines)), grid_size=0.1 * MILLIMETRE)
-        return flat_parts(shapely.build_area(noded))
+    def sections(self, heights: Sequence[float]) -> list[BaseGeometry]:
+        """Return the sections at heights [m], equal ones of vertical sides once; empty where the body is not closed."""
+        found, known = list[BaseGeometry](), set[bytes]()
+        for z in heights:
+            above = self.corners[:, :, 2] > z
+            cut = above.any(axis=1) & ~above.all(axis=1)
+            is_prism = np.abs(self.normals[cut, 2]).max(initial=0.0) < VERTICAL
+            if is_prism and above.tobytes() in known:
+                continue
+            known.add(above.tobytes())
+            corners, is_above = self.corners[cut], above[cut]
+            rows = np.arange(len(corners))
+            lone = (is_above == (is_above.sum(axis=1) == 1)[:, None]).argmax(axis=1)
+            start, others = corners[rows, None, lone], corners[rows[:, None], OTHERS[lone]]
+            share = (z - start[..., 2:]) / (others[..., 2:] - start[..., 2:])
+            lines = shapely.linestrings((start + share * (others - start))[..., :2])
+            noded = shapely.union_all(lines, grid_size=0.1 * MILLIMETRE)
+            found.append(flat_parts(shapely.build_area(noded)))
+        return found
 
     def rectangle(self) -> FloatArray | None:
         """Return the corners (4, 2) of the minimum rotated rectangle, a long side first [m]; None if degenerate."""

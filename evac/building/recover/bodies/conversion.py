@@ -52,6 +52,7 @@ class Doorway:
 
     name: str
     floor: Floor
+    beside: BaseGeometry  # the parts of the floor near it
     segment: FloatArray
     reach: float
     sides: int
@@ -62,7 +63,7 @@ class Doorway:
     def ground(self) -> BaseGeometry:
         """The ground between the door and the rooms beside it."""
         ways = np.outer([1.0, -1.0], normal(self.segment))
-        sides = strips(self.floor.ground, self.segment, ways, self.reach)
+        sides = strips(self.beside, self.segment, ways, self.reach)
         return united([side.polygon for side in sides if side is not None and not side.polygon.is_empty])
 
 
@@ -125,12 +126,21 @@ def doorways_of(
 ) -> list[Doorway]:
     """Return the doors of each floor that join rooms or lead outside; doors without a room are added to `findings`."""
     doorways = []
+    trees = {floor.name: shapely.STRtree(shapely.get_parts(floor.ground)) for floor in floors}
+
+    def fitted(body: Body, floor: Floor) -> Doorway | None:
+        corners, tree = body.rectangle(), trees[floor.name]
+        if corners is None:
+            return None
+        near = tree.query(shapely.Polygon(corners), "dwithin", distance=2 * BEHIND)
+        return _fit(body, corners, floor, shapely.multipolygons(tree.geometries[np.sort(near)]), hulls[floor.name])
+
     for body in passages:
         near = [floor for floor in floors if abs(floor.z - body.z_min) <= SILL]
         below = [floor for floor in floors if SILL < body.z_min - floor.z <= STEP and body.fills != -1]
         near.sort(key=lambda floor: abs(floor.z - body.z_min))
-        ways = [_fit(body, floor, hulls[floor.name]) for floor in near[:1]]
-        ways += [way for floor in below if (way := _fit(body, floor, hulls[floor.name])) and way.sides == 2]
+        ways = [fitted(body, floor) for floor in near[:1]]
+        ways += [way for floor in below if (way := fitted(body, floor)) and way.sides == 2]
         way = next((way for way in ways if way is not None), None)
         if way is not None:
             doorways.append(way)
@@ -149,16 +159,16 @@ def doorways_of(
 def _hull(floor: Floor, floors: Sequence[Floor], walls: Sequence[Body]) -> BaseGeometry:
     """Return the ground and the walls of a storey without holes, as which shafts and voids belong to it."""
     near = [other.ground for other in floors if abs(other.z - floor.z) <= HALF_STOREY]
-    beside = [wall.shadow() for wall in walls if wall.z_min - SILL <= floor.z + 1.0 <= wall.z_max + SILL]
+    beside = [wall.shadow for wall in walls if wall.z_min - SILL <= floor.z + 1.0 <= wall.z_max + SILL]
     plan = closed(united([*near, *(part for part in beside if not part.is_empty)]), 2.0 * BEYOND)
     return united([shapely.Polygon(part.exterior) for part in shapely.get_parts(plan)])
 
 
-def _fit(body: Body, floor: Floor, hull: BaseGeometry) -> Doorway | None:
-    """Return the widest door with the largest number of rooms beside it; None if there is no room."""
-    corners = body.rectangle()
-    if corners is None:
-        return None
+def _fit(body: Body, corners: FloatArray, floor: Floor, ground: BaseGeometry, hull: BaseGeometry) -> Doorway | None:
+    """Return the widest door, in a rectangle (4, 2), with the largest number of rooms beside it; None without a room.
+
+    `ground`: the parts of the floor near the door.
+    """
     best: Doorway | None = None
     for side in (0, 1):
         a, b, c, d = np.roll(corners, -side, axis=0)
@@ -166,13 +176,13 @@ def _fit(body: Body, floor: Floor, hull: BaseGeometry) -> Doorway | None:
         width, depth = float(np.hypot(*(ends[1] - ends[0]))), float(np.hypot(*(d - a)))
         along = (ends[1] - ends[0]) / max(width, 1e-9)
         reach = depth / 2 + BEHIND
-        parts = {(0.0, width), *_beside(floor.ground, ends, reach)}
+        parts = {(0.0, width), *_beside(ground, ends, reach)}
         for start, end, less in ((*part, less) for less in SHORTENED for part in sorted(parts)):
             if end - start - 2 * less < NARROWEST:
                 continue
             segment = np.round(np.array([ends[0] + (start + less) * along, ends[0] + (end - less) * along]), 3)
             ways = np.outer([1.0, -1.0], normal(segment))
-            rooms = [side is not None for side in strips(floor.ground, segment, ways, reach)]
+            rooms = [side is not None for side in strips(ground, segment, ways, reach)]
             if any(rooms) and (best is None or sum(rooms) > best.sides):
                 behind = [
                     shapely.Point(segment.mean(axis=0) + (reach + BEYOND) * way)
@@ -180,7 +190,7 @@ def _fit(body: Body, floor: Floor, hull: BaseGeometry) -> Doorway | None:
                     if not has_room
                 ]
                 leads_out = any(not hull.contains(point) for point in behind)
-                best = Doorway(body.name, floor, segment, reach, sum(rooms), leads_out, body.fills != -1)
+                best = Doorway(body.name, floor, ground, segment, reach, sum(rooms), leads_out, body.fills != -1)
     return best
 
 
@@ -263,12 +273,12 @@ def _leave_out_lifts(
     floors: Sequence[Floor], passages: Sequence[Body], lifts: Sequence[Body], findings: list[Finding]
 ) -> None:
     """Take lifts from the ground of floors: small parts around cars, or with doors all named as those of lifts."""
-    cars = [body.shadow() for body in lifts]
+    cars = [body.shadow for body in lifts]
     for floor in floors:
         near = [body for body in passages if abs(body.z_min - floor.z) <= SILL]
         parts = shapely.get_parts(floor.ground)
         small = parts[shapely.area(parts) < LARGEST_PIT]
-        shadows = [body.shadow() for body in near]
+        shadows = [body.shadow for body in near]
         part, door = shapely.STRtree(shadows).query(small, predicate="dwithin", distance=BEHIND)
         is_lift = np.array([bool(LIFT.search(body.name)) for body in near], dtype=bool)
         for k in np.unique(part).tolist():
@@ -288,7 +298,7 @@ def _add_lifts(plan: Plan, lifts: Sequence[Body], passages: Sequence[Body], floo
     names = set[str]()
     for body in lifts:
         stops, doors, car = list[str](), list[FloatArray](), body.rectangle()
-        is_new = not any(common(other.polygon, body.shadow()).area > 0.0 for other in plan.lifts)
+        is_new = not any(common(other.polygon, body.shadow).area > 0.0 for other in plan.lifts)
         for floor in sorted(floors, key=lambda one: one.z):
             if car is None or not is_new:
                 break
@@ -321,10 +331,10 @@ def _is_of_lift(plan: Plan, way: Doorway) -> bool:
 def _lift_door(car: FloatArray, door: Body, floor: Floor) -> FloatArray | None:
     """Return the part (2, 2) of the outline of a car (4, 2) that is a door to a floor [m]; None if it is none."""
     sides = np.round(np.stack([car, np.roll(car, -1, axis=0)], axis=1), 3)
-    away = shapely.distance(shapely.linestrings(sides), door.shadow().centroid)
+    away = shapely.distance(shapely.linestrings(sides), door.shadow.centroid)
     (start, end), length = sides[away.argmin()], float(np.hypot(*np.subtract(*sides[away.argmin()])))
     along = (end - start) / length
-    at = np.clip((shapely.get_coordinates(door.shadow()) - start) @ along, 0.0, length)
+    at = np.clip((shapely.get_coordinates(door.shadow) - start) @ along, 0.0, length)
     line = start + np.outer([at.min(), at.max()], along)
     if away.min() > DOOR_REACH or np.ptp(at) < NARROWEST:
         return None
@@ -397,9 +407,10 @@ def _add_floor(
         else:
             spaces.append((room, use, snapped(shapely.buffer(polygon, OVERLAP, join_style="mitre"))))
     rooms, rest = list[tuple[str, str, BaseGeometry]](), []
+    tree = shapely.STRtree([grown for _, _, grown in spaces])
     for part in shapely.get_parts(ground):
         left = part
-        for room, use, grown in spaces:
+        for room, use, grown in (spaces[row] for row in np.sort(tree.query(part))):
             pieces = shapely.get_parts(flat_parts(shapely.intersection(grown, left, grid_size=MILLIMETRE)))
             if shapely.area(pieces).sum() > max(LEAST_ROOM, ALL * part.area):
                 pieces = [left]

@@ -160,7 +160,7 @@ def stairs_of(
     """
     treads = treads_of([body for body in bodies if body.kind in ("stair", "landing")])
     for body in treads.bare:
-        is_thin = shapely.is_empty(body.shadow().buffer(-NARROWEST / 2))
+        is_thin = shapely.is_empty(body.shadow.buffer(-NARROWEST / 2))
         what = "it is a handrail or a stringer" if is_thin else "neither treads nor an inclined face are in its shape"
         kind, text = "left out" if is_thin else "missing", f"{body.name!r} is left out: {what}"
         findings.append(Finding(kind, text, _storey(floors, body.z_min), body.place, element="stair"))

@@ -106,7 +106,7 @@ def floors_of(
             halls = _halls(height, slabs, bodies, passages, name, findings)
             made = united([_of_spaces(height, slabs, name, rules.gap, findings), steps, halls])
             slabs = united([slabs, steps])
-        elif any(abs(body.z_min - height.z) <= THICKNESS and _covers(body.shadow(), slabs) for body in low):
+        elif any(abs(body.z_min - height.z) <= THICKNESS and _covers(body.shadow, slabs) for body in low):
             continue
         else:
             if len(heights) > 1 and _is_bare(height, bodies, passages):
@@ -155,7 +155,7 @@ def _covers(plan: BaseGeometry, other: BaseGeometry) -> bool:
 
 def _is_above_roof(height: "_Height", bodies: Sequence[Body]) -> bool:
     """Return whether a roof ends at about the height of spaces, below at least half of their area."""
-    roofs = [body.shadow() for body in bodies if body.kind == "roof" and abs(body.z_max - height.z) < ROOF]
+    roofs = [body.shadow for body in bodies if body.kind == "roof" and abs(body.z_max - height.z) < ROOF]
     return bool(roofs) and _covers(united(roofs), united([one for _, one, _ in height.spaces]))
 
 
@@ -278,7 +278,7 @@ def _halls(
     """Return the slabs that walls and spaces enclose without a space on them, if several doors open there."""
     around = united([*_walls_at(height, bodies, passages), *(plan for _, plan, _ in height.spaces)])
     enclosed = [shapely.Polygon(ring) for part in shapely.get_parts(around) for ring in part.interiors]
-    doors = [body.shadow() for body in passages if -THICKNESS <= body.z_min - height.z <= RECESS]
+    doors = [body.shadow for body in passages if -THICKNESS <= body.z_min - height.z <= RECESS]
     halls = []
     for hall in (hall for ring in enclosed for hall in shapely.get_parts(common(ring, slabs))):
         if hall.area > LEAST_VOID and sum(hall.distance(door) < BESIDE for door in doors) > 1:
@@ -292,7 +292,7 @@ def _walls_at(height: _Height, bodies: Sequence[Body], passages: Sequence[Body])
     """Return the plans of walls, columns and fillings of openings at a height."""
     solid = [body for body in [*bodies, *passages] if body.kind in ("wall", "column", "opening")]
     level = height.z + CUTS[2]
-    sections = [body.shadow() for body in solid if body.z_min < level < body.z_max]
+    sections = [body.shadow for body in solid if body.z_min < level < body.z_max]
     return [plan for plan in sections if not plan.is_empty]
 
 
@@ -328,12 +328,12 @@ def _without_bodies(ground: BaseGeometry, bodies: Sequence[Body], height: _Heigh
         if body.z_max <= height.z + CUTS[0] or body.z_min >= height.z + CUTS[-1]:
             continue
         if body.kind in ("wall", "column"):
-            away += [body.section(height.z + above) for above in CUTS]
+            away += body.sections([height.z + above for above in CUTS])
         elif body.kind == "opening" and body.z_min <= height.z + THICKNESS:
             corners = body.rectangle()
             away += [] if corners is None else [shapely.Polygon(corners)]
         elif body.kind == "furniture" and furniture and body.z_min < height.z + HANGING:
-            away.append(body.shadow())
+            away.append(body.shadow)
     solid = common(ground, united(away))
     deep = shapely.buffer(shapely.buffer(solid, -DEPTH / 2, join_style="mitre"), DEPTH / 2, join_style="mitre")
     return cut(ground, deep) if height.spaces else cut(ground, united(away))
