@@ -15,7 +15,15 @@ from evac.base.errors import BuildingError, EvacError, ResultError, counted, in_
 from evac.cli.inputs import case_of, case_to_run, declare_case
 from evac.cli.screen import note, show_facts, show_table, show_warnings
 from evac.contract.hooks import DEFAULT_FIRE
-from evac.folder.files import CHECKPOINT_NAME, COMPLETE, STUDY_NAME, SUMMARY_NAME, TRAJECTORY_NAME, read_manifest
+from evac.folder.files import (
+    CHECKPOINT_NAME,
+    COMPLETE,
+    STUDY_NAME,
+    SUMMARY_NAME,
+    TEMPORARY,
+    TRAJECTORY_NAME,
+    read_manifest,
+)
 from evac.folder.resultfolder import find_result, is_within
 
 if TYPE_CHECKING:
@@ -169,7 +177,7 @@ def check_result(path: Path) -> int:
     is_complete = manifest.state == COMPLETE
     checks: dict[str, Callable[[], str]] = {}
     for name, digest in manifest.files.items():
-        is_checked = digest and name != CHECKPOINT_NAME and is_within(name)
+        is_checked = digest and name != CHECKPOINT_NAME and is_within(name) and not name.startswith(TEMPORARY)
         if is_checked and (is_complete or (folder / name).exists()):
             checks[name] = partial(_check_digest, folder, name, digest)
     if TRAJECTORY_NAME in manifest.files and (is_complete or (folder / TRAJECTORY_NAME).exists()):

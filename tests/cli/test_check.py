@@ -178,6 +178,14 @@ def test_a_result_is_verified_whole(result, tmp_path, capsys, name, place, words
         assert set(found.values()) == {"whole", "whole, complete up to 0.30 s"}
 
 
+def test_a_result_is_whole_after_commands_that_add_files(result, tmp_path, capsys):
+    folder = shutil.copytree(result, tmp_path / "r")
+    for command in ("export", "replay"):
+        assert main([command, str(folder)]) == 0
+    capsys.readouterr()
+    assert states(folder, capsys)[0] == 0
+
+
 def test_a_trajectory_that_is_cut_between_two_frames_is_not_that_of_the_run(result, tmp_path, capsys):
     folder = shutil.copytree(result, tmp_path / "r")
     path = folder / "trajectory.evac"
