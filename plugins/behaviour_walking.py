@@ -17,6 +17,7 @@ from evac.people.sights import (
     Sights,
     free_of_walls,
     is_ahead,
+    leads_back,
     list_near,
     look_round,
     make_sights,
@@ -122,7 +123,9 @@ class Walking(Behaviour):
     Heading: among those up to 75 degrees from e, the one with the greatest product of the speed that people and walls
     leave along it and the cosine of its angle to e, and a step away from walls nearer than `clearance`. The step is
     that of the place where the person will be after the reaction time and the relaxation time, so that nobody swings
-    from wall to wall. The heading turns towards it with the time constant `reaction_time`.
+    from wall to wall. None but e leads over a portal from behind which the way leads back. The heading turns with
+    the time constant `reaction_time`, at first to the side if it has to turn by more than 90 degrees; who still moves
+    against it is slower.
 
     Speed: the least that others leave along the heading, where those on other ways and those who stand count until
     t_s before the bodies touch. It is at least `creep`, but 0 behind people on the same route and before people who
@@ -337,7 +340,9 @@ def get_on(world, crowd, sights, seen, motion, rule, length, turn, time, most, i
     wanted = sights.wanted[i]
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     hx, hy = motion.heading[i, 0], motion.heading[i, 1]
-    found = 0.0
+    carried_x, carried_y = ground_velocity(world, sights, i)
+    ux, uy = motion.velocity[i, 0] - carried_x, motion.velocity[i, 1] - carried_y
+    moves, found = math.sqrt(ux * ux + uy * uy), 0.0
     look(world, crowd, sights, seen, motion, rule, length, most, i)
     if sights.level[i] < sights.levels:
         tx, ty, found = choose_heading(world, crowd, sights, seen, motion, rule, length, i)
@@ -346,12 +351,12 @@ def get_on(world, crowd, sights, seen, motion, rule, length, turn, time, most, i
             tx, ty = tx - side * ey, ty + side * ex
             norm = math.sqrt(tx * tx + ty * ty)
             tx, ty = tx / norm, ty / norm
-        share = 1.0 if (ex * tx + ey * ty) * (ex * hx + ey * hy) < 0.0 else turn
-        gx, gy = hx + share * (tx - hx), hy + share * (ty - hy)
-        norm = math.sqrt(gx * gx + gy * gy)
-        if norm < 1e-6:
-            gx, gy, norm = tx, ty, 1.0
-        hx, hy = gx / norm, gy / norm
+        if hx * tx + hy * ty < 0.0:  # they turn to the side first
+            side = 1.0 if hx * ty - hy * tx > 0.0 else -1.0
+            tx, ty = -side * hy, side * hx
+        hx, hy = hx + turn * (tx - hx), hy + turn * (ty - hy)
+        norm = math.sqrt(hx * hx + hy * hy)
+        hx, hy = hx / norm, hy / norm
         motion.next[i, 0], motion.next[i, 1] = hx, hy
     best, least = wanted, min(rule.creep, wanted)
     for rank in range(seen.number):
@@ -363,16 +368,16 @@ def get_on(world, crowd, sights, seen, motion, rule, length, turn, time, most, i
         else:
             left = free_way(crowd, seen, motion, rule, k, wanted, i, hx, hy, GAP)
             if seen.relation[k] >= STANDS:  # a way of tau u is left to the present velocity u
-                carried_x, carried_y = ground_velocity(world, sights, i)
-                ux, uy = motion.velocity[i, 0] - carried_x, motion.velocity[i, 1] - carried_y
-                left -= crowd.tau[i] * math.sqrt(ux * ux + uy * uy)
+                left -= crowd.tau[i] * moves
             left = max(left, 0.0) / rule.stop_time
         if left < best and is_seen(world, sights, seen, i, k):
             best, least = left, min(rule.creep, wanted)
             start = crowd.start_time[seen.who[k]]
             if seen.relation[k] == LEADS or (seen.relation[k] == STANDS and time < start < math.inf):
                 least = 0.0
-    return max(found, best), max(best, least)
+    # Who moves against the heading turns round, and is slower meanwhile.
+    slows = 1.0 + min(hx * ux + hy * uy, 0.0) / (moves + FAINT)
+    return max(found, best), slows * max(best, least)
 
 
 @inner
@@ -381,10 +386,11 @@ def look(world, crowd, sights, seen, motion, rule, length, most, i):
     wanted, is_inside = sights.wanted[i], sights.level[i] < sights.levels
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     hx, hy = motion.heading[i, 0], motion.heading[i, 1]
-    reach = length + rule.horizon * wanted
+    wide = crowd.contact_radius[i] + motion.widest
+    stop = max(wide - rule.chest_depth, 0.0) + length
+    reach = stop + rule.horizon * wanted
     if motion.standing == 0:  # nobody farther away leaves less
-        wide = crowd.contact_radius[i] + motion.widest
-        behind = max(wide - rule.chest_depth, 0.0) + length + most * (rule.headway + rule.anticipation)
+        behind = stop + most * (rule.headway + rule.anticipation)
         aside = abs(rule.right) + most * max(rule.horizon, rule.stop_time) * (1.0 + motion.fastest / wanted)
         reach = min(reach, LONGEST * max(behind, wide + GAP + max(aside, rule.stop_time * wanted)))
     list_near(world, sights, i, reach, ex, ey, hx, hy)
@@ -519,8 +525,12 @@ def choose_heading(world, crowd, sights, seen, motion, rule, length, i):
                         break
             if turned and speed * cosine > max(best, 0.0):
                 way = speed * rule.horizon + crowd.contact_radius[i]
-                way = free_of_walls(world, sights.level[i], sights.position[i, 0], sights.position[i, 1], cx, cy, way)
+                x, y = sights.position[i, 0], sights.position[i, 1]
+                way = free_of_walls(world, sights.level[i], x, y, cx, cy, way)
+                column = column_of(world.fields, crowd.route[i], crowd.contact_radius[i])
                 speed = min(speed, max(way - crowd.contact_radius[i], 0.0) / rule.horizon)
+                if leads_back(world, sights.level[i], x, y, cx, cy, way, column):
+                    continue
             if max(speed, 0.0) * cosine > best:
                 best, fastest, bx, by = max(speed, 0.0) * cosine, speed, cx, cy
     return bx, by, fastest

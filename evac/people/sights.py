@@ -5,11 +5,11 @@ import math
 import numpy as np
 
 from evac.building.model.building import FLAT
-from evac.directions.sampling import column_of, sample_travel_time
+from evac.directions.sampling import column_of, sample_direction, sample_travel_time
 from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Ints, Pairs, Struct, inner, kernel
 from evac.physics.contact.neighbours import levels_in_reach, line_at, sort_by_level
 from evac.physics.motion import desired_direction, desired_speed
-from evac.physics.seams import SEAM, passes_through, reaches, walls_near, way_out
+from evac.physics.seams import SEAM, crossing, passes_through, reaches, side_of, walls_near, way_out
 from evac.physics.state import Cells, World, make_cells
 
 #: Size of the cells of the neighbour search [m].
@@ -239,6 +239,21 @@ def free_of_walls(world, level, x, y, cx, cy, way):
                 if along > 0.0 and 0.0 <= share <= 1.0:
                     free = min(free, along)
     return free
+
+
+@inner
+def leads_back(world, level, x, y, cx, cy, way, column):
+    """Return whether the line of a length passes a portal from behind which the way of a column leads back."""
+    segment = world.link_segment
+    for s in range(world.link_start[level], world.link_start[level + 1]):
+        share = crossing(segment, s, x, y, x + way * cx, y + way * cy, 0.0)
+        if share < 0.0 or world.link_to[s] < 0:
+            continue
+        px, py = x + share * way * cx, y + share * way * cy
+        ex, ey = sample_direction(world.fields, px, py, world.link_to[s], column)
+        if side_of(segment[s, 0], segment[s, 1], segment[s, 2], segment[s, 3], px + ex, py + ey) > 0.0:
+            return True
+    return False
 
 
 @kernel

@@ -8,6 +8,7 @@ from shapely import box
 
 import evac
 from evac.analysis.lines import steady_flow
+from evac.evidence.comfort.page import TOWER, comfort
 from evac.evidence.mobility.page import flow_through
 from evac.people.behaviour import BehaviourScene
 from evac.people.outside import make_outside
@@ -38,7 +39,9 @@ LAW |= {
 NO_TIME, AT_ONCE = 1e-13, {"reaction_time": 0.0}
 
 
-def acted(place, velocity=0.0, route=0, start=0.0, ticks=1, tick=0.1, radius=RADIUS, building=None, **parameters):
+def acted(
+    place, velocity=0.0, route=0, start=0.0, ticks=1, tick=0.1, radius=RADIUS, building=None, heading=0.0, **parameters
+):
     """Return the shares of the desired speed and the directions of people on whom the behaviour has acted."""
     crowd = make_crowd(place, speed=SPEED, radius=max(0.22, radius), contact_radius=radius, start_time=start)
     crowd.route[:] = route
@@ -49,6 +52,7 @@ def acted(place, velocity=0.0, route=0, start=0.0, ticks=1, tick=0.1, radius=RAD
     view = BehaviourScene(crowd, scene, (), np.random.default_rng(1), tick, outside, displacement_velocity=moved)
     behaviour = Walking(**(LAW | parameters))
     behaviour.prepare(view)
+    behaviour.heading[:] = heading
     for step in range(ticks):
         crowd.speed_factor[:], crowd.extra_direction[:] = 1.0, 0.0
         behaviour.act(crowd, tick * step)
@@ -204,11 +208,33 @@ def test_the_heading_turns_within_the_reaction_time():
     assert acted(*scene, ticks=60, reaction_time=0.3)[1][0] == pytest.approx(fast[0], abs=1e-5)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_who_turns_round_turns_to_the_side_first_and_is_slower_meanwhile(side):
+    before, moved = np.array([-0.96, 0.28 * side]), np.array([0.3, -0.4 * side])
+    factor, heading = acted([[0.0, 0.0]], [moved], heading=before, reaction_time=0.3)
+    share = 1.0 - math.exp(-0.1 / 0.3)
+    expected = before + share * (np.array([0.28, 0.96 * side]) - before)
+    expected /= np.hypot(*expected)
+    assert heading[0] == pytest.approx(expected, rel=1e-9)
+    assert factor[0] == pytest.approx(1.0 + moved @ expected / (0.5 + 0.03), rel=1e-9)
+
+
 @pytest.mark.parametrize("distance", [0.32, 0.38])
 def test_people_wait_behind_those_on_their_route_and_creep_behind_others(distance):
     place = [[0.0, 0.0], [distance, 0.0]]
     assert speed_after(place, creep=0.1) == pytest.approx(0.0, abs=1e-9)
     assert speed_after(place, route=[EAST, WEST], creep=0.1, push=0.1) == pytest.approx(0.1)
+
+
+def test_wide_people_who_look_hardly_ahead_wait_behind_whom_they_touch():
+    assert speed_after([[0.0, 0.0], [0.8, 0.0]], radius=0.4, horizon=0.1) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("model", "seed"), [("NSM1 inertial", 4), ("DEM", 8)])
+def test_nobody_who_passes_the_other_flight_of_an_enclosure_steps_over_its_portal_and_back(model, seed):
+    moments = comfort(TOWER, model, seed)
+    assert moments["step back"] <= 2
+    assert moments["greatest way back [m]"] < 0.3
 
 
 @pytest.mark.parametrize("wall", [-0.12, 0.16, 0.25])
