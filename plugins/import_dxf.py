@@ -22,6 +22,7 @@ from evac.base.errors import BuildingError, counted, text_of
 from evac.base.parameters import Parameter
 from evac.building.geometry import lines_of, place_of, segment_lengths
 from evac.building.importer import Importer, optional_library
+from evac.building.model.findings import numbered
 from evac.building.plan.plan import Plan
 from evac.building.recover.drawings import (
     APART,
@@ -53,6 +54,10 @@ LINES = frozenset(("LINE", "LWPOLYLINE", "POLYLINE", "CIRCLE", "ARC", "ELLIPSE",
 FILLS = frozenset(("SOLID", "TRACE", "3DFACE"))
 #: Entity types with bodies or surfaces, which are not read, and told.
 BODIES = frozenset(("REGION", "3DSOLID", "BODY", "SURFACE", "MESH", "POLYLINE", "ACAD_PROXY_ENTITY", "HELIX"))
+#: Entity types of texts; what the name of a room begins with, its greatest length, and what is the size of one.
+TEXTS = frozenset(("TEXT", "MTEXT", "ATTRIB"))
+NAME, LONGEST = re.compile(r"([\d.]+[ -]+)?([^\W\d_]{3}|WC\b)"), 30
+SIZE = re.compile(r"\d\s*(m2|m²|m\^2|qm|sq|ft|mm|cm|m\b|\"|'|x\s*\d)", re.IGNORECASE)
 #: Minimum length of the pieces of a curve, as a share of its extent.
 FINEST = 1e-4
 #: Largest coordinate, beyond which GEOS may loop [units].
@@ -131,8 +136,9 @@ class DxfImporter(Importer):
         if missing:
             plan.note("warning", f"{', '.join(missing)}: drawn in other files (xref), which are not read; bind them")
         left_out: Counter[tuple[str, str]] = Counter()
+        texts = list[Drawn]()
         try:
-            shapes = [*self._shapes(document, left_out)]
+            shapes = [*self._shapes(document, left_out, texts)]
         except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # damaged entities
             raise ValueError(f"an entity cannot be read: {text_of(error)}") from error
         rooms = sorted({layer for layer, why in left_out if why == NAMED and ROOM_LAYER.search(layer)})
@@ -157,14 +163,15 @@ class DxfImporter(Importer):
         radii = np.array([swing.radius for swing in swings])
         unit = self._metres(plan, document, shapes, radii)
         try:
-            return self._planned(plan, document, shapes, unit, has_floor, left_out)
+            return self._planned(plan, document, shapes, texts, unit, has_floor, left_out)
         except NothingEnclosedError:
             for other in () if self.unit or unit_of(radii, [unit]) else DOUBTED:
                 again = Plan(path)
                 again.findings = [one for one in plan.findings if not one.text.startswith("1 unit is")]
                 with suppress(ValueError, BuildingError):
-                    found = self._planned(again, document, shapes, other, has_floor, left_out)
-                    areas = shapely.area([room for storey in found.storeys.values() for room in storey.polygons])
+                    found = self._planned(again, document, shapes, texts, other, has_floor, left_out)
+                    grounds = [one.polygons for one in found.storeys.values()] + [one.polygons for one in found.rooms]
+                    areas = shapely.area(list(itertools.chain(*grounds)))
                     if other != unit and ROOMS[0] <= (area := float(np.median(areas))) <= ROOMS[1]:
                         text = f"1 unit is {other:.4g} m: with {unit:.4g} m, the lines enclose no room, and now half"
                         found.note("assumed", f"{text} of the parts of the ground have {area:.1f} m2 or more (unit)")
@@ -176,11 +183,12 @@ class DxfImporter(Importer):
         plan: Plan,
         document: Any,
         shapes: "list[Shape]",
+        texts: "list[Drawn]",
         unit: float,
         has_floor: bool,
         left_out: Counter[tuple[str, str]],
     ) -> Plan:
-        """Return the plan with the storeys of the paths, of a unit [m]."""
+        """Return the plan with the storeys of the paths and texts, of a unit [m]."""
         path = plan.source
         drawn = [line for shape in shapes for line in _drawn(shape, unit, self.deviation, CLOSED)]
         if not has_floor and not any(one.use == "walls" for one in drawn):
@@ -195,14 +203,23 @@ class DxfImporter(Importer):
         if has_floor:
             self._add_floor(plan, drawn)
             self._add_items(plan, drawn, self.storey)
-            return plan
-        if not any(one.use == "walls" for one in drawn):
+        elif not any(one.use == "walls" for one in drawn):
             raise BuildingError(f"{path}: {_no_floor(document)}")
-        self._add_plans(plan, drawn)
+        else:
+            drawn += [replace(one, line=shapely.transform(one.line, lambda xy: unit * xy)) for one in texts]
+            self._add_plans(plan, drawn)
+        others = len(texts) - sum(one.number for one in plan.findings if one.element == "text")
+        if others:
+            text = f"{counted(others, 'text')} that {'names' if others == 1 else 'name'} no room"
+            for kind in ("found", "left out"):
+                plan.note(kind, text, element="text", number=others)
         return plan
 
-    def _shapes(self, document: Any, left_out: Counter[tuple[str, str]]) -> "Iterator[Shape]":
-        """Yield the paths of the model space, with blocks expanded; count what is left out by layers and reasons."""
+    def _shapes(self, document: Any, left_out: Counter[tuple[str, str]], texts: "list[Drawn]") -> "Iterator[Shape]":
+        """Yield the paths of the model space, with blocks expanded; count what is left out by layers and reasons.
+
+        Texts are added to a list, in units of the drawing.
+        """
         from ezdxf.path import from_vertices
 
         hidden = {one.dxf.name for one in document.layers if one.is_off() or one.is_frozen()}
@@ -212,6 +229,8 @@ class DxfImporter(Importer):
             kind = entity.dxftype()
             is_line = kind in LINES and (kind != "POLYLINE" or entity.is_2d_polyline or entity.is_3d_polyline)
             use = self._use_of(layer, names)
+            if kind in TEXTS and layer not in hidden:
+                texts.append(_text(layer, entity))
             why = HIDDEN if layer in hidden and not self._given_use(layer) else NAMED if use == "left out" else ""
             if kind in BODIES and not is_line:
                 why = why or f"since {kind} is not read; explode them"
@@ -403,7 +422,7 @@ class DxfImporter(Importer):
             text = f"a plan {other.distance(first) + THICKEST_WALL:.1f} m from another one that nothing joins"
             remedy = f"if it is another storey, move it in the drawing to more than {APART:g} m from the other"
             plan.note("warning", f"{text} is on the same storey; {remedy}", storey, place_of(other))
-        self._add_storey(plan, storey, [*shapely.get_parts(rooms.floor)], z, lines)
+        self._add_rooms(plan, storey, rooms, z, drawn)
         for number, ends in enumerate(rooms.doors.reshape(-1, 2, 2), start=1):
             plan.door(f"{self._prefix(storey)}door {number}", storey, ends)
         outside = "exit" if z == self.z and not any(one.use == "exits" for one in drawn) else "opening"
@@ -411,6 +430,32 @@ class DxfImporter(Importer):
             plan.door(f"{self._prefix(storey)}exit door {number}", storey, ends, outside=outside)
         for ends in rooms.openings.reshape(-1, 2, 2):
             plan.opening(storey, ends)
+
+    def _add_rooms(self, plan: Plan, storey: str, rooms: Rooms, z: float, drawn: "list[Drawn]") -> None:
+        """Add the ground of a storey, as rooms if names are written in any of them: the largest, nearest its middle."""
+        between = np.concatenate([rooms.doors.reshape(-1, 4), rooms.between.reshape(-1, 4)])
+        ends = between.reshape(-1, 2, 2)
+        beyond = CLOSED * (ends[:, 1:] - ends[:, :1]) / segment_lengths(between)[:, None, None]
+        lines = shapely.linestrings(ends + np.concatenate([-beyond, beyond], axis=1))
+        ground = shapely.get_parts(shapely.polygonize([shapely.union_all([rooms.floor.boundary, *lines])]))
+        shapely.prepare(rooms.floor)
+        ground = ground[shapely.contains(rooms.floor, shapely.point_on_surface(ground))]
+        texts, names = [one for one in drawn if one.text], [""] * len(ground)
+        points = np.array([one.line for one in texts], dtype=object)
+        room, text = shapely.STRtree(points).query(ground, "covers")
+        away = shapely.distance(points[text], shapely.centroid(ground[room]))
+        for row in np.lexsort((-away, np.array([one.size for one in texts])[text])):
+            names[room[row]] = texts[text[row]].text
+        if not any(names):
+            self._add_storey(plan, storey, [*shapely.get_parts(rooms.floor)], z, [])
+            return
+        plan.storey(storey, None, z)
+        use = None if any(one.use == "areas" for one in drawn) else "room"
+        for number, (part, name) in enumerate(zip(ground, names, strict=True), start=1):
+            taken = {one.name for one in plan.rooms}
+            plan.room(numbered(name or f"{self._prefix(storey)}room {number}", taken), storey, part, use=use)
+        number = sum(map(bool, names))
+        plan.note("found", f"names of {number} of {len(ground)} rooms", storey, element="text", number=number)
 
     def _prefix(self, storey: str) -> str:
         """Return what names of items begin with on one of several storeys."""
@@ -480,6 +525,8 @@ class Drawn:
     is_closed: bool
     is_curve: bool
     is_fill: bool  # a hatch, whose outline is a wall only if it is narrow
+    text: str = ""  # of a text, what may be the name of a room
+    size: float = 0.0  # height of its letters [units]
 
     @property
     def polygon(self) -> BaseGeometry:
@@ -642,6 +689,7 @@ def _entities(
         layer = entity.dxf.get("layer", "0")
         layer = outer if layer == "0" and outer else layer
         if entity.dxftype() == "INSERT":
+            yield from ((layer, blocks, text) for text in entity.attribs)
             for part in entity.multi_insert() if entity.mcount > 1 else [entity]:
                 yield from _entities(_expanded(part), (part.dxf.name, *blocks), depth + 1, count, layer)
             continue
@@ -660,6 +708,16 @@ def _expanded(insert: Any) -> Iterator[Any]:
     except (ArithmeticError, LookupError, TypeError, AttributeError) as error:
         x, y, _ = insert.dxf.insert
         raise ValueError(f"block {insert.dxf.name!r} at ({x:.2f}, {y:.2f}) cannot be expanded: {error}") from error
+
+
+def _text(layer: str, entity: Any) -> Drawn:
+    """Return a text of the drawing, with the first of its lines that may be the name of a room."""
+    lines = (" ".join(line.split()) for line in entity.plain_text().splitlines())
+    name = next((one for one in lines if NAME.match(one) and not SIZE.search(one) and len(one) <= LONGEST), "")
+    is_one_line = entity.dxftype() != "MTEXT"
+    x, y, _ = entity.ocs().to_wcs(entity.get_placement()[1]) if is_one_line else entity.dxf.insert
+    size = entity.dxf.height if is_one_line else entity.dxf.char_height
+    return Drawn(layer, "texts", shapely.Point(x, y), False, False, False, name, size)
 
 
 def _corners(shape: Shape, distance: float) -> FloatArray:

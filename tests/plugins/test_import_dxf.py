@@ -191,3 +191,26 @@ def test_faces_at_several_heights_are_left_out_with_the_format_that_keeps_them(d
     assert ground(building_of(drawing, tmp_path)) == pytest.approx(40.0)
     (text,) = [one for one in findings(plan_of(drawing, tmp_path), "left out") if "FLOORS" in one]
     assert "2 entities" in text
+
+
+def test_texts_in_rooms_are_their_names(drawing, tmp_path):
+    space = drawing.modelspace()
+    rooms = [(0, 0), (4, 0), (4, 5), (0, 5)], [(4.2, 0), (9, 0), (9, 5), (4.2, 5)], [(9.2, 0), (12, 0), (12, 5)]
+    for outline in rooms:
+        add(space, "walls", outline)
+    space.add_line((4.1, 2), (4.1, 3), dxfattribs={"layer": "doors"})
+    for text, place, height in (("note on the floor", (3, 1), 0.1), ("Office 1", (1, 2), 0.3), ("3068", (1, 1), 0.5)):
+        space.add_text(text, height=height, dxfattribs={"insert": place})
+    space.add_mtext("12.5 m2\\PMEETING", dxfattribs={"insert": (5, 4), "char_height": 0.2, "layer": "a-anno-text"})
+    tag = drawing.blocks.new("tag")
+    tag.add_attdef("NAME", (0, 0))
+    space.add_blockref("tag", (6, 1)).add_attrib("NAME", "Area 24.0 m2", (6, 1))
+    plan = plan_of(drawing, tmp_path, doors="doors")
+    assert {room.name: round(room.polygons[0].area, 6) for room in plan.rooms} == {
+        "Office 1": 20.0,
+        "MEETING": 24.0,
+        "room 3": 7.0,
+    }
+    assert {room.use for room in plan.rooms} == {"room"}
+    told = [(one.kind, one.number) for one in plan.findings if one.element == "text"]
+    assert told == [("found", 2), ("found", 3), ("left out", 3)]
