@@ -89,9 +89,10 @@ def test_people_who_cannot_move_are_reported_and_kept(name, capsys, tmp_path):
     assert len((tmp_path / "people.csv").read_text().splitlines()) == 6
 
 
-@pytest.mark.parametrize("name", ["mesh_unreadable", "plugin_broken", "no_way_out"])
-@pytest.mark.parametrize("command", ["run", "explain"])
-def test_as_a_user_sees_it(name, command, tmp_path):
+@pytest.mark.parametrize(
+    ("command", "name"), [("run", "mesh_unreadable"), ("run", "plugin_broken"), ("explain", "no_way_out")]
+)
+def test_as_a_user_sees_it(command, name, tmp_path):
     words = [sys.executable, "-m", "evac", command, str(BROKEN / name)]
     process = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert process.returncode == 2

@@ -1,8 +1,11 @@
 """Strategies in twin towers and flows of escalators, as the page on lifts measures them."""
 
+import pytest
+
 from evac.evidence.lifts import page
 
 
+@pytest.mark.slow
 def test_each_strategy_brings_people_out_by_the_ways_that_it_names():
     rows = {name: page.strategy_run(name, 3, 1) for name in (page.STAIRS, page.LIFTS)}
     people = 2 * page.PEOPLE

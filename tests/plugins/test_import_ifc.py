@@ -2,6 +2,7 @@
 
 import math
 import re
+from concurrent.futures import Future
 
 import numpy as np
 import pytest
@@ -10,11 +11,31 @@ import evac
 from evac.contract.registry import Registry, built_in
 from tests.ifcfiles import IfcFile, steps
 
-pytestmark = pytest.mark.usefixtures("unpictured")
+pytestmark = pytest.mark.usefixtures("unpictured", "here")
 
 REGISTRY = Registry(builtins=built_in("importer"))
 
 pytest.importorskip("ifclite_geom", reason="the extra evac[ifc] is not installed")
+
+
+class Here:
+    """What reads products in this process; tests/building/test_products.py has the other process."""
+
+    def __init__(self, workers, first, arguments, **options):
+        first(*arguments)
+
+    def submit(self, function, *arguments):
+        answer = Future()
+        answer.set_result(function(*arguments))
+        return answer
+
+    def kill(self):
+        pass
+
+
+@pytest.fixture
+def here(monkeypatch):
+    monkeypatch.setattr("evac.base.processes.Pool", Here)
 
 
 def plan_of(path, **parameters):

@@ -39,6 +39,7 @@ def cluster(tmp_path):
             process.wait()
 
 
+@pytest.mark.slow  # test_study kills processes of this machine, and a study on Dask is made in tests/docs
 @pytest.mark.filterwarnings("ignore")
 def test_a_worker_that_is_killed_changes_no_row(cluster, tmp_path):
     file, (_, *workers) = cluster

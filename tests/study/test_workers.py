@@ -47,7 +47,7 @@ def times():
     return sorted(evac.repeat(case, 4, workers=1).times(0).tolist())
 
 
-@pytest.mark.parametrize("how", ["file", "input"])
+@pytest.mark.parametrize("how", [pytest.param("file", marks=pytest.mark.slow), "input"])
 def test_a_script_without_a_guard_runs_once(tmp_path, times, how):
     (tmp_path / "here.py").write_text(TRACE)
     (tmp_path / "script.py").write_text(SCRIPT)
