@@ -212,7 +212,7 @@ def execute_report(arguments: argparse.Namespace) -> int:
     verification results, egress curve and times, congestion, maps, warnings and limits of use, and a checklist for the
     documentation. Fields not filled in by options are left empty.
     """
-    from evac.analysis.maps import DENSITY
+    from evac.analysis.congestion import DENSITY
     from evac.base.errors import ResultError
     from evac.folder.files import REPORT_NAME
     from evac.folder.resultfolder import check_result, find_result

@@ -17,11 +17,10 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError, PluginError, counted, in_one_line, place_of, text_of
 from evac.contract.registry import Registry
 from evac.physics.contact.model import ContactModel, SolvedContactModel, border_scene
-from evac.physics.contact.packing import is_of_person, packed_row
 from evac.physics.contact.pair_contact import PairContact
 from evac.physics.contact.rows import BEFORE, SPRING, Solver, renew_velocity, row_residual
 from evac.physics.engine import CompiledEngine, check_solve, functions_of
-from evac.physics.force import Force
+from evac.physics.force import Force, is_of_person, packed_row
 from evac.physics.scenes import one_direction, room
 from evac.physics.state import Crowd, Problem, copy_of, make_crowd
 from evac.physics.world import make_world

@@ -20,11 +20,19 @@ from evac.physics import driver, status
 from evac.physics import tallies as at
 from evac.physics.contact.contacts import memory_by_person, recall, remember_by_person, retain
 from evac.physics.contact.model import ContactModel, SolvedContactModel
-from evac.physics.contact.packing import check_indices, cutoff_of, is_of_person, pack_forces, packed_row
 from evac.physics.contact.pair_contact import PairContact
 from evac.physics.contact.percussions import separate
 from evac.physics.contact.rows import Solver, call_solver
-from evac.physics.force import Force, add_body_forces, add_forces
+from evac.physics.force import (
+    Force,
+    add_body_forces,
+    add_forces,
+    check_indices,
+    cutoff_of,
+    is_of_person,
+    pack_forces,
+    packed_row,
+)
 from evac.physics.seams import reaches
 from evac.physics.state import (
     Bodies,

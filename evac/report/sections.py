@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import shapely
 
+from evac.analysis.congestion import DENSITY, SHARE, Exceedance
 from evac.analysis.hydraulic import LABORATORY, DesignFlow
-from evac.analysis.maps import DENSITY, KERNEL_RADIUS, SHARE, Exceedance, level_maps
+from evac.analysis.maps import KERNEL_RADIUS, level_maps
 from evac.base.change import Change, changes_in_words
 from evac.base.distributions import as_text
 from evac.base.errors import counted, in_order
@@ -310,7 +311,7 @@ MAPS = ("max_density", "waiting", "speed", "flow", "time_to_clear", "usage")
 class Places:
     """What is shown of the places of a run."""
 
-    density: float = DENSITY  # above which a place is congested [1/m2], see `evac.analysis.maps.find_congestion`
+    density: float = DENSITY  # above which a place is congested [1/m2], see `evac.analysis.congestion.find_congestion`
     least_time: float | None = None  # for how long it has to be exceeded [s]; None: a tenth of the evacuation time
     maps: Sequence[str] = MAPS  # names of `evac.analysis.maps.QUANTITIES`, in order
     service: str = ""  # levels of service as colours of densities, see `evac.pictures.scales.SERVICES`

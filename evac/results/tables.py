@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from evac.analysis.congestion import DENSITY
 from evac.analysis.lines import ExitUse, FlowUse, Occupancy
-from evac.analysis.maps import DENSITY
 from evac.base.arrays import FloatArray
 from evac.base.change import LIFT
 from evac.base.errors import in_order

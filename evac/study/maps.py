@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from evac.analysis.maps import DENSITY, QUANTITIES, Exceedance, LevelMaps, level_maps
+from evac.analysis.congestion import DENSITY, Exceedance
+from evac.analysis.maps import QUANTITIES, LevelMaps, level_maps
 from evac.base.arrays import FloatArray
 from evac.building.model.cells import Cells
 from evac.results.verdict import least_margins

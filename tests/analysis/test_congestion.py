@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.analysis.maps import SHARE, find_congestion
+from evac.analysis.congestion import SHARE, find_congestion
 
 #: A crowd of 6.25 people per square metre on a square of 2 m, 1 m from the walls; where it stands otherwise.
 CROWD = np.stack(np.meshgrid(np.arange(5), np.arange(5)), axis=-1).reshape(-1, 2) * 0.4 + [2.0, 1.2]

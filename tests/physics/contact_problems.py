@@ -3,10 +3,10 @@
 import numpy as np
 
 from evac.jit import Pairs, kernel
-from evac.physics.contact.packing import pack_forces
 from evac.physics.contact.percussions import pack, solve_once
 from evac.physics.contact.rows import row_residual
 from evac.physics.engine import load_solver
+from evac.physics.force import pack_forces
 from evac.physics.state import State, make_contacts, make_problem, make_state
 from evac.physics.world import make_world
 from tests.physics.scenes import SOLVERS, make_building, uniform_fields

@@ -23,7 +23,7 @@ from evac.physics.contact.contacts import (
     use_free_velocity,
 )
 from evac.physics.contact.model import BorderScene, ContactModel
-from evac.physics.contact.packing import check_indices, packed_row
+from evac.physics.force import check_indices, packed_row
 from evac.physics.state import State
 from evac.physics.status import CENTRES_PASSED, OK, SEARCH_AGAIN, TOO_STIFF, WALL_CROSSED
 
