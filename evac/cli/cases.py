@@ -75,7 +75,7 @@ def declare_import(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plan", metavar="N,N", help="numbers of the plans of a drawing to import (default: all)")
     what = "parameters of the importer, see `evac plugins NAME`, and keys of [building], such as scale"
     declare_set(parser, what, option="--option")
-    what = "spacing of the grids of directions [m]; if they do not fit into memory, the message proposes a value"
+    what = "spacing of the grids of directions [m] (default: 0.1, or as much as wide buildings need)"
     parser.add_argument("--spacing", type=float, metavar="S", help=what)
     what = "write a case even if parts of the building are missing; each of its runs has a quality warning"
     parser.add_argument("--partial", action="store_true", help=what)

@@ -434,7 +434,8 @@ def _check_memory(building: Building, n_routes: int, spacing: float, clearance: 
     """Refuse grids that need too much memory, before any is allocated; the message names the responsible key."""
     most = MOST_BYTES / _bytes_per_node(n_routes)
     nodes = count_nodes(building, spacing, clearance)
-    if nodes <= most:
+    least = least_spacing(building, n_routes, spacing, clearance)
+    if least <= spacing:
         return
     alone = count_nodes(building, spacing, 0.0)
     many = f"{nodes:.2g} nodes for {n_routes} routes, more than {most:.1g}"
@@ -443,10 +444,15 @@ def _check_memory(building: Building, n_routes: int, spacing: float, clearance: 
             f"directions.clearance: {clearance:g} m requires grids of {many}; reduce it (by default, it is "
             "approximately the largest body radius)"
         )
-    least = spacing * math.sqrt(nodes / most)
     raise ScenarioError(
         f"directions.spacing: {spacing:g} m requires grids of {many}; use at least {least:.2g} m; {measures(building)}"
     )
+
+
+def least_spacing(building: Building, n_routes: int, spacing: float = SPACING, clearance: float = 0.25) -> float:
+    """Return the spacing, or a larger one, at which the fields of so many routes fit into memory [m]."""
+    share = count_nodes(building, spacing, clearance) * _bytes_per_node(n_routes) / MOST_BYTES
+    return spacing * math.sqrt(max(share, 1.0))
 
 
 def _bytes_per_node(n_routes: int) -> float:

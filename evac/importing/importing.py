@@ -1,5 +1,6 @@
 """Import of building files to a folder with a case: plan or surface, preliminary people, picture and report."""
 
+import math
 import os
 import re
 import shutil
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from evac.base.defaults import SPACING
 from evac.base.errors import BuildingError, EvacError, ScenarioError, usable_path
 from evac.base.parameters import PATH, check_types, did_you_mean
 from evac.base.phases import shown_by
@@ -26,6 +28,7 @@ from evac.building.surface.resolution import Axis, likely_frame
 from evac.building.surface.surfacemesh import SurfaceMesh, checked
 from evac.contract.hooks import BASES
 from evac.contract.registry import Registry
+from evac.directions.build import least_spacing
 from evac.folder.digests import digest_of_file
 from evac.folder.files import RUNNING, mark, read_manifest
 from evac.folder.resultfolder import is_empty, locked
@@ -43,6 +46,8 @@ DENSITY = 0.1
 MOST_DENSITY = 100.0
 #: Default height between the storeys of consecutive files [m].
 STOREY_HEIGHT = 3.0
+#: Routes for which there is memory: one to all exits, and gaps of three widths between those of people.
+ROUTES = 4
 #: Names of the files in the folder.
 CASE, MESH, PICTURE, REPORT = "case.toml", "building.msh", "levels.png", "report.md"
 PLAN = "building.plan.toml"
@@ -102,7 +107,7 @@ def import_building(
     options : mapping
         Parameters of the importers, and keys of ``[building]`` that control how a mesh is read.
     spacing : float, optional
-        Spacing of the grids of directions [m], for buildings whose grids would not fit into memory at the default.
+        Spacing of the grids of directions [m]; by default 0.1 m, or as much as wide buildings need to fit into memory.
     partial : bool
         Whether a case is written for a building that lacks something; every run of it has a quality warning.
     basis : "measured" or "regulation"
@@ -159,6 +164,11 @@ def import_building(
         rooms = fill(written, find_rooms(written), people, DENSITY if density is None else density, stated)
         if people is None and density is None and any(room.number and room.name not in stated for room in rooms):
             text = f"{DENSITY:g} people per square metre in rooms without a number or a known use (density, people)"
+            findings.append(Finding("assumed", text))
+        least = least_spacing(written, ROUTES)
+        if spacing is None and CASE not in changed and least > SPACING:
+            spacing = math.ceil(100.0 * least) / 100.0
+            text = f"directions have a spacing of {spacing:g} m: with {SPACING:g} m they need too much memory (spacing)"
             findings.append(Finding("assumed", text))
         findings = sorted(with_missing(written, findings), key=lambda one: KINDS.index(one.kind))
         written = replace(written, source=place / building.name)

@@ -302,6 +302,16 @@ def test_rooms_of_any_name_are_imported_and_run(name, tmp_path):
     assert (tmp_path / "r" / "animation.pvd").is_file()
 
 
+def test_wide_buildings_get_a_spacing_with_which_they_run(room, tmp_path, monkeypatch):
+    monkeypatch.setattr("evac.directions.build.MOST_BYTES", 500_000.0)
+    made = import_building([room], tmp_path / "case", exits=[1])
+    assert not made.fault
+    spacing = tomllib.loads(text_of(made, "case.toml"))["directions"]["spacing"]
+    assert spacing > 0.1
+    assert [one.kind for one in made.findings if f"{spacing:g} m" in one.text] == ["assumed"]
+    assert import_building([room], tmp_path / "fine", exits=[1], spacing=0.05).fault
+
+
 def test_a_failed_import_leaves_nothing_in_the_way(room, tmp_path, monkeypatch):
     def fail(*given):
         raise BuildingError("fails")
