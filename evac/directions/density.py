@@ -73,11 +73,13 @@ class Kernels:
         """
         present = np.zeros(len(density))
         deposit(self._packed, self.first, position, level, self._width, present)
+        occupied = set(np.unique(level[level >= 0]).tolist())
         if against is not None and (against >= 0).any():
             other = np.zeros(len(density))
             deposit(self._packed, self.first, position, against, self._width, other)
-            np.maximum(np.subtract(present, other, out=present), 0.0, out=present)
-        occupied = set(np.unique(level[level >= 0]).tolist())
+            for grid in [self.grids.levels[at] for at in occupied]:
+                own = present[grid.packed]
+                np.maximum(np.subtract(own, other[grid.packed], out=own), 0.0, out=own)
         crowded = set()
         for grid, behind in zip(self.grids.levels, self._behind_portals, strict=True):
             own = density[grid.packed]

@@ -120,9 +120,10 @@ class LocalWays(Saved):
             of_floors = [np.full(grid.sheet.size, grid.level in self._floors) for grid in self._grids.levels]
             density = beside + np.where(np.concatenate(of_floors), density, 0.0)
             crowded |= self._levels_with(beside > 0.0)
-        if not crowded | solved | moved:
+        column = self._columns.get(number)
+        if not (crowded | solved | moved or (column is not None and column.stale)):
             return
-        column = self._columns.get(number) or self._made(number)
+        column = column or self._made(number)
         changed = column.leave_out_empty(nodes)
         changed |= column.slow_down(density, (crowded | solved) - moved, settings.floor, NOTICED)
         changed |= column.slow_down(density, moved, settings.floor, 0.0)

@@ -372,16 +372,23 @@ class RouteField(Saved):
 
         The march ends when the times on the levels that are `occupied` by people on this route are known: others would
         be higher. Levels that are not solved to their end keep their directions, and are stale until they are. The
-        first time, nobody has chosen an exit yet.
+        first time, nobody has chosen an exit yet. Local ways end at the next link, so that they wait for people on
+        their own level.
         """
         waves, former = self.waves, self.waves.former
         levels, solved = self._behind(changed | self.stale) - self._resting, self.stale
+        later: set[int] = set()
+        if self.is_local:
+            self.stale = later = levels - occupied
+            levels -= later
         while levels:
             for level in levels - solved if not (is_first or self.is_local) else ():
                 packed = self._grids.levels[level].packed
                 former[packed] = waves.exit[packed]
             solved = levels
-            lowered = self._march(levels, levels & occupied, occupied - levels)
+            others = frozenset[int]() if self.is_local else occupied - levels
+            lowered = self._march(levels, levels & occupied, others)
+            self.stale |= later
             levels = self._behind(levels | lowered) - self._resting
             if not lowered or levels == solved:  # times on resting levels stay as they are
                 self.write(solved - self.stale)

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from pedpy import TrajectoryData, WalkableArea
 
     from evac.analysis.maps import LevelMaps
+    from evac.building.model.elevation import Ground
 
 FORMAT = 4
 
@@ -348,21 +349,30 @@ class Trajectory:
         """Origin of the recorded positions in plan, (2,) [m]."""
         return np.array(self.header["origin"], np.float64)
 
+    @cached_property
+    def _grounds(self) -> "tuple[list[Ground], FloatArray]":
+        """The ground of each level, and the rise of each per metre along x and y, (levels, 2)."""
+        from evac.building.model.elevation import gradients, ground_of
+
+        building = self.building
+        return [ground_of(building.vertices, level) for level in building.levels], gradients(building)
+
     def __getitem__(self, k: int) -> Frame:
         """Return the people inside in frame `k`; negative indices count from the end."""
-        from evac.building.model.elevation import elevation, gradients, in_space
+        from evac.building.model.elevation import heights_on, in_space
 
+        grounds, gradients = self._grounds
         rows = self.rows[k]
         motion = rows.motion.astype(np.float64)
         person, level = rows.person.astype(np.int32), rows.level.astype(np.int32)
         position = motion[:, :2] + self.origin
-        velocity = in_space(gradients(self.building), level, motion[:, 2:4])
+        velocity = in_space(gradients, level, motion[:, 2:4])
         return Frame(
             time=float(self.time[k]),
             person=person,
             level=level,
             position=position,
-            z=elevation(self.building, level, position) + self._risen(float(self.time[k]), level),
+            z=heights_on(grounds, level, position) + self._risen(float(self.time[k]), level),
             velocity=velocity,
             speed=np.linalg.norm(velocity, axis=1),
             started=rows.started,

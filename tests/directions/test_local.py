@@ -144,6 +144,33 @@ def test_when_the_crowd_has_gone_ways_are_those_of_the_empty_building(hall):
     assert now == pytest.approx(before, abs=0.02)
 
 
+def test_levels_without_people_wait_until_somebody_comes(drawing):
+    """Also when the state is restored in between."""
+    levels = [drawing.level((0.0, 0.0, 12.0, 6.0), z=z) for z in (0.0, 3.0)]
+    for name, level in zip(("low", "high"), levels, strict=True):
+        drawing.exit(name, level, (12.0, 2.0), (12.0, 4.0))
+    building = drawing.build()
+    local, clear = local_in(building)
+    behind, crowd = np.array([[7.0, 3.3]]), crowd_in(8.5, 1.6, 10.5, 3.7, 0.35)
+
+    def turned(ways, level):
+        return ways.fields.directions_at(level, behind, 0, 0.2)[0, 1] - clear.directions_at(level, behind, 0, 0.2)[0, 1]
+
+    update(local, [*crowd, *behind], 0)
+    assert turned(local, 0) > 0.3
+    update(local, [*crowd, *behind], 1)
+    assert turned(local, 0) > 0.3  # nobody is there to need other ways
+    assert turned(local, 1) > 0.3
+    restored, _ = local_in(building)
+    restored.restore(local.state())
+    for one in (local, restored):
+        update(one, behind, 0)
+        assert turned(one, 0) == pytest.approx(0.0, abs=0.02)
+        assert turned(one, 1) > 0.3
+        update(one, behind, 1)
+        assert turned(one, 1) == pytest.approx(0.0, abs=0.02)
+
+
 def corner(**changes):
     """Return a corridor of 3.6 m round a corner, whose people keep distances."""
     plan = evac.Plan()

@@ -1,6 +1,7 @@
 """Heights of points on a building's levels."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 import shapely
@@ -12,6 +13,9 @@ from evac.building.model.building import Building, Level
 
 #: Largest distance of the vertices of a level from a plane for which it is treated as one plane [m].
 PLANE = 1e-9
+
+#: Gives the heights (n,) of points (n, 2) on a level [m].
+Ground = Callable[[FloatArray], FloatArray]
 
 
 def elevation(building: Building, level: ArrayLike, position: ArrayLike) -> FloatArray:
@@ -30,12 +34,16 @@ def elevation(building: Building, level: ArrayLike, position: ArrayLike) -> Floa
     (n,) float64 [m]
         Heights; NaN where the level is -1.
     """
-    level_of = np.asarray(level)
-    points = np.asarray(position, dtype=np.float64)
-    height = np.full(len(points), np.nan)
-    for index in np.unique(level_of[level_of >= 0]):
-        here = level_of == index
-        height[here] = level_elevation(building.vertices, building.levels[index], points[here])
+    grounds = [partial(level_elevation, building.vertices, one) for one in building.levels]
+    return heights_on(grounds, np.asarray(level), np.asarray(position, np.float64))
+
+
+def heights_on(grounds: Sequence[Ground], level: IntArray, position: FloatArray) -> FloatArray:
+    """Return the heights (n,) of points, as `elevation`, on the grounds of all levels, see `ground_of`."""
+    height = np.full(len(position), np.nan)
+    for index in np.unique(level[level >= 0]).tolist():
+        here = level == index
+        height[here] = grounds[index](position[here])
     return height
 
 
@@ -66,7 +74,7 @@ def level_elevation(vertices: FloatArray, level: Level, position: FloatArray) ->
     return ground_of(vertices, level)(position)
 
 
-def ground_of(vertices: FloatArray, level: Level) -> Callable[[FloatArray], FloatArray]:
+def ground_of(vertices: FloatArray, level: Level) -> Ground:
     """Return a function that gives the heights (n,) of points (n, 2) on one level [m]; see `elevation`."""
     own = vertices[np.unique(level.triangles)]
     gradient = np.tan(level.slope) * level.uphill
