@@ -169,8 +169,17 @@ def test_towers_of_whole_commands_are_without_findings_and_everybody_gets_out():
 
 @pytest.mark.slow
 def test_whole_commands_of_each_kind_are_timed_with_their_growth():
-    rows = list(commands.command_rows((2, 3), (8, 16), (2, 3), (4, 8)))
+    rows = list(commands.command_rows((2, 3), (8, 16), (2, 3), (4, 8), (2, 3)))
     assert {row["command"].split()[1] for row in rows} == {"check", "run", "report", "repeat", "import"}
     assert all(row["CPU [s]"] > 0.1 and row["peak memory [MB]"] > 50.0 for row in rows)
     grown = [row for row in rows if row["growth"] is not None]
-    assert [row["size"] for row in grown] == ["3 storeys", "3 storeys", "16 people", "16 people", "3 runs", "8 rooms"]
+    sizes = "3 storeys", "3 storeys", "3 exits", "3 routes", "3 classes", "16 people", "16 people", "3 runs", "8 rooms"
+    assert [row["size"] for row in grown] == [*sizes]
+
+
+def test_towers_have_as_many_exits_routes_and_classes_as_is_wanted():
+    case = load(commands.tower_case(3, 30, {}, exits=4, routes=3, classes=3))
+    simulation = Simulation(case)
+    assert len(simulation.building.exits) == 4
+    assert len(simulation.fields.routes) == 3
+    assert simulation.fields.packed.width == pytest.approx([0.42, 0.44], abs=1e-3)

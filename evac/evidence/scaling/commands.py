@@ -16,9 +16,10 @@ from evac.evidence.verdicts import reported
 
 SECTION = "Whole commands"
 
-#: Storeys of towers with the same number of people, people in towers of the same height, runs, and rooms of a map.
-STOREYS, PEOPLE, RUNS, ROOMS = (4, 8, 16, 32), (250, 500, 1_000), (5, 10, 20), (24, 96, 384)
-QUICK = ((2, 3), (20, 40), (2, 3), (4, 8))
+#: Storeys of towers with the same number of people, people in towers of the same height, runs, rooms of a map, and
+#: exits, routes and classes of bodies of a tower.
+SIZES = (4, 8, 16, 32, 60), (250, 500, 1_000), (5, 10, 20), (24, 96, 384), (2, 4, 8)
+QUICK = (2, 3), (20, 40), (2, 3), (4, 8), (2, 3)
 
 #: Length of a tower and of an office, and depths of offices and corridor [m].
 LENGTH, OFFICE, DEPTH, CORRIDOR = 36.0, 6.0, 6.0, 3.0
@@ -43,7 +44,7 @@ MOVEMENTS: dict[str, dict[str, Any]] = {
 
 def run(evidence: Evidence) -> None:
     """Add the table to the page."""
-    sizes = QUICK if evidence.quick else (STOREYS, PEOPLE, RUNS, ROOMS)
+    sizes = QUICK if evidence.quick else SIZES
     rows = evidence.measured("commands", command_rows, *sizes)
     for what in dict.fromkeys(row["command"] for row in rows):
         own = [row for row in rows if row["command"] == what]
@@ -53,8 +54,14 @@ def run(evidence: Evidence) -> None:
     evidence.show("commands", __name__, rows=rows)
 
 
-def tower_case(storeys: int, people: int, behaviours: dict[str, Any]) -> Row:
-    """Return the content of a case: a tower of offices along corridors, with two stairs at the ends of these."""
+def tower_case(
+    storeys: int, people: int, behaviours: dict[str, Any], exits: int = 2, routes: int = 1, classes: int = 1
+) -> Row:
+    """Return the content of a case: a tower of offices along corridors, with two stairs at the ends of these.
+
+    There are more exits in the long wall of the ground floor. Of several routes, each has its own exit; of several
+    classes of bodies, all except the narrowest are too wide for gaps between offices.
+    """
     names = ["ground", *(f"storey {k}" for k in range(1, storeys))]
     own = {"storey": names[1]}
     middle = DEPTH + CORRIDOR
@@ -73,17 +80,26 @@ def tower_case(storeys: int, people: int, behaviours: dict[str, Any]) -> Row:
         | {"direction": [away, 0.0], "turn": "left"}
         for name, (x, low, high, away) in ends.items()
     ]
-    exits = [
+    ways_out = [
         {"name": f"{name} door", "storey": "ground", "segment": [[x, 1.0], [x, 3.0]]} for name, (x, *_) in ends.items()
     ]
+    for k in range(exits - len(ends)):
+        side = {"segment": [[OFFICE * k + 1.0, 0.0], [OFFICE * k + 3.0, 0.0]]}
+        ways_out.append({"name": f"side door {k}", "storey": "ground", **side})
+    for k in range(classes - 1):
+        segment = {"rooms": [f"office {k}", f"office {k + 2}"], "at": DEPTH / 2, "width": 0.42 + 0.02 * k}
+        doors.append({"name": f"gap {k}", "segment": segment, **own})
     storeys_of_plan = [ground, {"name": names[1], "z": 3.2, "wall": 0.2}, *rest]
-    plan = {"storeys": storeys_of_plan, "rooms": rooms, "doors": doors, "shafts": shafts, "exits": exits}
+    plan = {"storeys": storeys_of_plan, "rooms": rooms, "doors": doors, "shafts": shafts, "exits": ways_out}
     numbers = [people // storeys + (k < people % storeys) for k in range(storeys)]
     return {
         "title": f"A tower of {storeys} storeys and {people} people",
         "building": {"plan": plan},
         "people": [
-            {"name": name, "level": name, "number": number} for name, number in zip(names, numbers, strict=True)
+            {"name": name, "level": name, "number": number}
+            | ({"exits": [ways_out[k % routes]["name"]]} if routes > 1 else {})
+            | ({"radius": {"uniform": [0.2, 0.3]}} if classes > 1 else {})
+            for k, (name, number) in enumerate(zip(names, numbers, strict=True))
         ],
         "contact": {"model": "nsm2"},
         "behaviours": {"response_time": {"time": {"uniform": [0.0, 60.0]}, "per": "person"}} | behaviours,
@@ -96,17 +112,21 @@ def _box(x1: float, y1: float, x2: float, y2: float) -> list[list[float]]:
 
 
 def command_rows(
-    storeys: tuple[int, ...], people: tuple[int, ...], runs: tuple[int, ...], rooms: tuple[int, ...]
+    storeys: tuple[int, ...],
+    people: tuple[int, ...],
+    runs: tuple[int, ...],
+    rooms: tuple[int, ...],
+    sides: tuple[int, ...],
 ) -> Iterator[Row]:
     """Yield a row for each command and size; the second number of storeys and of people is that of comparisons."""
     most, middle = storeys[1], people[1]
     with TemporaryDirectory() as name:
         folder = Path(name)
 
-        def written(storeys: int, people: int, movement: str = "walking") -> list[str]:
-            case = folder / f"{storeys} {people} {movement}" / "case.toml"
+        def written(storeys: int, people: int, movement: str = "walking", **more: int) -> list[str]:
+            case = folder / f"{storeys} {people} {movement} {more}" / "case.toml"
             case.parent.mkdir(exist_ok=True)
-            load_case(tower_case(storeys, people, MOVEMENTS[movement])).write(case)
+            load_case(tower_case(storeys, people, MOVEMENTS[movement], **more)).write(case)
             return [str(case)]
 
         result = ["--out", str(folder / "result")]
@@ -114,6 +134,13 @@ def command_rows(
         towers = [(f"{number} storeys", [*written(number, middle), *result]) for number in storeys]
         yield from _grown("evac check (storeys)", "check", storeys, [(size, words[:1]) for size, words in towers])
         yield from _grown(f"evac run ({middle} people)", "run", storeys, towers)
+        for what in ("exits", "routes", "classes"):
+            # People who keep distances are narrower than the gaps.
+            movement = "as in the paper" if what == "classes" else "walking"
+            exits = sides[-1] if what == "routes" else 2
+            cases = [written(most, middle, movement, **{"exits": exits, what: number}) for number in sides]
+            sizes = [(f"{number} {what}", words) for number, words in zip(sides, cases, strict=True)]
+            yield from _grown(f"evac check ({what})", "check", sides, sizes)
         for movement in MOVEMENTS:
             words = [*written(most, middle, movement), *result]
             yield from _grown(f"evac run, {movement}", "run", (1,), [(f"{most} storeys, {middle} people", words)])
