@@ -21,20 +21,25 @@ from tests.report.letters import noted_letters
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Chromium is looked for by its name on Unix")
 
 
+@pytest.fixture(scope="module")
+def page(finished):
+    return run_report(finished)
+
+
 @pytest.fixture(scope="module", params=["fonts of the machine", "no fonts"])
-def printed(request, finished, tmp_path_factory):
+def printed(request, page, tmp_path_factory):
     """The pages of a report, printed by Chromium."""
     pdf = pytest.importorskip("pypdfium2")
     if find_chromium() is None:
         pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
     folder = tmp_path_factory.mktemp("printed")
-    (folder / "report.html").write_text(run_report(finished), encoding="utf-8")
+    (folder / "report.html").write_text(page, encoding="utf-8")
     (folder / "fonts.conf").write_text(f"<fontconfig><cachedir>{folder}</cachedir></fontconfig>", encoding="utf-8")
     fonts = {"FONTCONFIG_FILE": str(folder / "fonts.conf")} if request.param == "no fonts" else {}
     options = ["--headless=new", "--no-sandbox", "--no-pdf-header-footer", f"--user-data-dir={folder / 'profile'}"]
     target = f"--print-to-pdf={folder / 'report.pdf'}"
-    page = (folder / "report.html").as_uri()
-    words, environment = [find_chromium(), *options, target, page], {**os.environ, **fonts}
+    address = (folder / "report.html").as_uri()
+    words, environment = [find_chromium(), *options, target, address], {**os.environ, **fonts}
     subprocess.run(words, env=environment, check=True, capture_output=True, timeout=120)
     return list(pdf.PdfDocument(folder / "report.pdf"))
 
@@ -55,8 +60,8 @@ def test_letters_of_figures_have_six_points_at_least(finished, monkeypatch):
         assert 72.0 * min(sizes) * float(inches) / pixels >= 6.0
 
 
-def test_pictures_are_printed_at_the_size_for_which_they_are_drawn(printed, finished):
-    wanted = [72.0 * float(inches) for inches in re.findall(r'style="width: ([0-9.]+)in"', run_report(finished))]
+def test_pictures_are_printed_at_the_size_for_which_they_are_drawn(printed, page):
+    wanted = [72.0 * float(inches) for inches in re.findall(r'style="width: ([0-9.]+)in"', page)]
     images = [one for page in printed for one in page.get_objects(filter=[3])]
     found = [right - left for left, _, right, _ in (image.get_bounds() for image in images)]
     assert len(wanted) > 10
