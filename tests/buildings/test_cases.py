@@ -180,7 +180,8 @@ def test_in_the_drill_no_pupil_leaves_before_its_teacher():
 
 
 def test_cars_of_the_tower_serve_the_storey_of_the_fire_first():
-    results = evac.run(load_case("tower", {"output.trajectory": False, "simulation.duration": 20.0}))
+    coarse = {"output.trajectory": False, "simulation.duration": 20.0, "directions.spacing": 0.3}
+    results = evac.run(load_case("tower", coarse))
     rides = [change.values["value"] for change in results.changes if change.values["value"][0] == "leaves"]
     assert rides == [("leaves", "ground", "sixth"), ("leaves", "ground", "eleventh")]
 

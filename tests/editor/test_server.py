@@ -111,9 +111,13 @@ def test_files_of_a_result_are_served_without_rights(house, serve, tmp_path, mon
 def test_pictures_are_kept_beside_the_file_if_they_are_pictures(server, house):
     def put(data, at=(0, 1), width=2.0, storey="../x"):
         picture = {"data": b64encode(data).decode(), "at": at, "width": width}
-        return ask(server, "picture", "POST", {"storey": storey, "picture": picture})[0]
+        status, _, content = ask(server, "picture", "POST", {"storey": storey, "picture": picture})
+        told.append(content.decode())
+        return status
 
+    told = []
     assert put(b"<svg onload='alert()'/>") == put(b"%PDF") == 422
+    assert all("PNG or JPEG of at most 20 MB" in text for text in told)
     assert put(b"\xff\xd8\xff", at=(0, math.inf)) == put(b"\xff\xd8\xff", width=0) == 422
     assert put(b"\xff\xd8\xff", at="near") == 400
     assert ask(server, "picture", "POST", {"storey": "a", "picture": {"at": [0, 0], "width": 1}})[0] == 400

@@ -90,7 +90,10 @@ def test_storeys_without_a_stair_are_refused(tmp_path):
 
 @pytest.mark.parametrize(
     ("options", "reason"),
-    [({}, r"joins nothing.*building\.up = \"y\""), ({"up": "y"}, r"only 0\.00 m deep between its portals")],
+    [
+        ({}, r"joins nothing.*building\.up = \"y\""),
+        pytest.param({"up": "y"}, r"only 0\.00 m deep between its portals", marks=pytest.mark.slow),
+    ],
 )
 def test_hills_of_a_game_whose_levels_are_wedges_are_refused(tmp_path, options, reason):
     with pytest.raises(BuildingError, match=rf"nav_test.*{reason}"):

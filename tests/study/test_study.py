@@ -356,6 +356,21 @@ def test_a_worker_that_cannot_load_the_case_ends_the_study(case):
         evac.repeat(case, 3, executor=Executor())
 
 
+def test_no_more_runs_than_wanted_are_with_an_executor(case, monkeypatch):
+    monkeypatch.setattr("evac.study.execute.IN_FLIGHT", 2)
+    submitted, done = [], [0]
+
+    class Executor(concurrent.futures.Executor):
+        def submit(self, function, /, *arguments, **options):
+            submitted.append(len(submitted) + 1 - done[-1])
+            future = concurrent.futures.Future()
+            future.set_result(function(*arguments, **options))
+            return future
+
+    evac.repeat(case, 6, executor=Executor(), progress=lambda state: done.append(state.done))
+    assert (len(submitted), max(submitted)) == (6, 2)
+
+
 @pytest.mark.parametrize(("error", "words"), [(MemoryError("no room"), "no room"), (None, "given up")])
 def test_a_task_that_an_executor_does_not_execute_ends_the_study(case, error, words):
     class Executor(concurrent.futures.Executor):
