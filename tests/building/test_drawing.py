@@ -156,6 +156,17 @@ def test_the_polygon_of_an_exit_almost_on_the_outline_is_at_it():
     assert [way.width for way in plan.building().exits] == [pytest.approx(1.8, abs=0.15)]
 
 
+def test_the_polygon_of_an_exit_that_leaves_a_spike_of_the_floor_is_at_the_outline():
+    """The spike is 3 mm long and 0.04 mm wide."""
+    outline = [(-85.09558, 395.820212), (-83.507814, 396.060714), (-83.729954, 397.52726), (-83.72716, 397.527683)]
+    outline += [(-83.97, 399.130889), (-75.981454, 400.340928), (-79.886205, 387.337848), (-84.041764, 388.863032)]
+    polygon = [(-83.889326, 397.503079), (-83.59271, 397.548008), (-83.370585, 396.081564), (-83.667202, 396.036635)]
+    plan = Plan()
+    plan.storey("floor", outline)
+    plan.exit("out", "floor", polygon=polygon)
+    assert [way.width for way in plan.building().exits] == [pytest.approx(1.76, abs=0.01)]
+
+
 def test_rooms_that_overlap_and_share_walls_are_joined():
     """The intersections of the second room are polygons with lines beside, which meet each other."""
     corridor = shapely.Polygon(box(0, 0, 20, 3).exterior, [box(14, 0.8, 18.5, 2.2).exterior.coords])

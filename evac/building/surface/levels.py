@@ -19,6 +19,8 @@ from evac.building.surface.surface import Surface
 
 #: Corners at most this far from the straight line between their neighbours are removed [m].
 COLLINEAR = 1e-4
+#: Greatest length of a tagged edge that may have lost its cell [m].
+SPIKE = 0.01
 
 
 @dataclass(frozen=True)
@@ -379,7 +381,11 @@ def find_exits_and_walls(
     taken: dict[int, str] = {}
     for tag in sorted(surface.exit_edges):
         rows = []
-        for a, b in sorted({(min(edge), max(edge)) for edge in surface.exit_edges[tag].tolist()}):
+        edges = sorted({(min(edge), max(edge)) for edge in surface.exit_edges[tag].tolist()})
+        length = np.linalg.norm(np.diff(surface.vertices[edges], axis=1)[:, 0], axis=1)
+        # A cell that was a spike of the floor has been dropped.
+        kept = [edge for edge, own in zip(edges, length, strict=True) if own > SPIKE or edge in row_of]
+        for a, b in kept or edges:
             row = row_of.get((a, b))
             if row is None or row in taken:
                 place = edge_place(surface.vertices, np.array([a, b]))
