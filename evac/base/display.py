@@ -16,7 +16,8 @@ from evac.base.phases import shown_by
 if TYPE_CHECKING:
     from evac.base.phases import Progress
 
-#: Wall time between two updates of the bar, and between two plain lines of a run and of several [s].
+#: Wall time between two updates of the bar, and between two plain lines of a run and of several [s]; the first
+#: line of a loop or run comes as early as those of several runs.
 BAR_EVERY = 0.1
 LINE_EVERY = 10.0
 RUNS_EVERY = 2.0
@@ -76,7 +77,8 @@ class Display:
         """Show how many steps of a phase are done, and the estimated time left."""
         now = time.perf_counter()
         if what != self._what:
-            self._what, self._start, self._shown = what, now, now
+            self._what = what
+            self._begin(now)
         if done == count:
             self._what = ""
             self.phase(self._named)
@@ -91,6 +93,10 @@ class Display:
             else:
                 self._print(f"{what}: {numbers}")
 
+    def _begin(self, now: float) -> None:
+        """Measure speed from now on, and let the first plain line come early."""
+        self._start, self._shown = now, now if self._is_bar else now - LINE_EVERY + RUNS_EVERY
+
     def line(self, text: str) -> None:
         """Print a permanent line above the bar."""
         self._console.print(text, soft_wrap=True)
@@ -103,7 +109,8 @@ class Display:
         """Show a tick unless the last update is recent; speed is measured after the first tick, which may load code."""
         now = time.perf_counter()
         if self._first is None:
-            self._first, self._start, self._shown = state, now, now
+            self._first = state
+            self._begin(now)
             self.phase("running")
             return
         if now - self._shown < (BAR_EVERY if self._is_bar else LINE_EVERY) and not (self._is_bar and state.is_over):

@@ -45,6 +45,11 @@ def tell(what: str, done: int, count: int) -> None:
         shown_by[-1](what, done, count)
 
 
+def reading(stages: int) -> None:
+    """Have it shown how many of the stages in which a building is made are done: surface, cleaning, levels."""
+    tell("reading the building", stages, 3)
+
+
 class Phases:
     """A clock that assigns wall time to phases: always to the innermost phase that has been entered."""
 

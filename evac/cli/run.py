@@ -168,6 +168,7 @@ def run_shown(
     for warning in results.warnings:
         if warning not in before:
             display.line(wrapped(f"warning: {warning}", sys.stderr))
+    _ = results.answer  # which is kept, and whose measurements the display shows
     return results, 128 + interrupt.wanted if results.ended == INTERRUPTED else results.exit_status
 
 

@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, pairs_of
+from evac.base.phases import tell
 from evac.base.saved import Bounds, Saved, taken
 from evac.building.model.building import FLAT, Area, Building, Exit
 from evac.directions.density import STEP, Gates
@@ -33,6 +34,9 @@ from evac.directions.routes import Route
 
 #: A level is solved again if the slowness has changed on it by more than this share of what the crowd adds to it.
 NOTICED = 0.1
+
+#: What is shown while the waves of a route are made.
+PREPARING = "preparing ways round crowds"
 
 #: Change of the wait for a lift by which its ways are solved again [s].
 LONGER = 1.0
@@ -83,6 +87,7 @@ class RouteField(Saved):
         self._clear = self._factor
         self.number, self._grids, self._gates = number, grids, gates
         self._travel_time, self._all_directions = travel_time, direction
+        tell(PREPARING, 0, 3)
         base = self._read(fields.packed)
         ways = make_ways(grids, np.zeros(0))
         present = routes_at_present(marched.building, fields.routes)[index]
@@ -105,6 +110,7 @@ class RouteField(Saved):
         starts &= joins
         self._solved = joins & ~starts
         self.waves = self._make_waves(ways, slowness, joins, starts, base, float(hesitation), present)
+        tell(PREPARING, 1, 3)
         _start_at_exits(self.waves, grids, exits, starts)
         self.speed = np.ones(grids.size)
         self.stale: set[int] = set()
@@ -120,7 +126,9 @@ class RouteField(Saved):
         self._empty = np.zeros_like(self._pockets.empty(np.zeros(0, np.int64)))
         self._resting: set[int] = set()  # levels all of whose nodes are left out
         self.is_local = False
+        tell(PREPARING, 2, 3)
         self._march(set(self._places), set(self._places))
+        tell(PREPARING, 3, 3)
 
     def copy(self, travel_time: FloatArray, direction: FloatArray) -> Self:
         """Return this column as it is now, to be written to other travel times (nodes,) and directions (nodes, 2)."""

@@ -29,7 +29,7 @@ def test_numbers(state, wall, words):
 
 
 def test_plain_lines_come_now_and_then(monkeypatch, capsys):
-    clock = iter([0.0, 40.0, 45.0, 50.0, 55.0, 65.0])  # the first tick compiles
+    clock = iter([0.0, 40.0, 41.5, 43.0, 48.0, 53.5])  # the first tick compiles
     monkeypatch.setattr(progress.time, "perf_counter", lambda: next(clock))
     with Display() as display:
         display.phase("running")

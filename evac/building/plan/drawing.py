@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.errors import BuildingError, counted
-from evac.base.phases import told
+from evac.base.phases import reading, told
 from evac.building.geometry import (
     GRID,
     LEAST_AREA,
@@ -126,6 +126,7 @@ class Drawing:
             edges += [(tag, (x1, y1, z), (x2, y2, z)) for x1, y1, x2, y2 in ends.tolist()]
         try:
             uses = {room.name: (room.use or "", room.number) for room in plan.rooms if room.is_area}
+            reading(0)
             mesh = SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings, self.doors, uses)
             controls = {one.name: one.control for one in (*plan.doors, *plan.exits) if one.control is not None}
             drawn = {tag for (tag, *_), *_ in cars}

@@ -15,6 +15,7 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
 from evac.base.errors import BuildingError
 from evac.base.keys import Point
+from evac.base.phases import reading
 from evac.building.geometry import connected_components, flat_parts, place_of, segment_lengths, side_of, union
 from evac.building.model.building import Area, Building, Level
 from evac.building.model.elevation import elevation, level_elevation
@@ -50,6 +51,7 @@ def build_building(
 
 def clean(mesh: SurfaceMesh, source: Path, options: SurfaceOptions = DEFAULT) -> Surface:
     """Return the clean walkable surface of a mesh in metres; see `build_building` for the arguments and errors."""
+    reading(1)
     return clean_surface(turned(checked(source, mesh), options.up), options)
 
 
@@ -57,6 +59,7 @@ def building_of(
     surface: Surface, source: Path, options: BuildingOptions = DEFAULT, *, need_exit: bool = True
 ) -> Building:
     """Return the building of a clean surface; see `build_building` for the arguments and errors."""
+    reading(2)
     try:
         return _building_of(surface, source, options, need_exit)
     except BuildingError as error:
@@ -65,6 +68,8 @@ def building_of(
         found = error.findings or (Finding("error", str(error).removeprefix(f"{source}: ")),)
         text = "; ".join([found[-1].text, *(doubt.text for doubt in surface.doubts)])
         raise refusal(source, [*found[:-1], replace(found[-1], text=text)]) from error
+    finally:
+        reading(3)
 
 
 def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_exit: bool) -> Building:
