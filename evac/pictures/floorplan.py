@@ -14,7 +14,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
-from matplotlib.text import Text
+from matplotlib.text import Annotation, Text
+from matplotlib.transforms import Bbox
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
@@ -27,6 +28,7 @@ from evac.pictures.writing import legible_figure, round_length
 #: Greatest width and height of all plans together, and the margin around them [inches].
 WIDTH, HEIGHT = 10.0, 7.0
 MARGIN, TITLE, HEAD, BAR, SIDE = 0.3, 0.75, 0.3, 0.45, 1.3
+LINES = 2  # by which the name of an exit is moved at most
 NAMES = 0.26  # height of the names of exits and their distance from the plan [inches]
 MARKERS = {"sign": ("s", 5.0), "fire": ("*", 14.0)}  # of places that are points, and their sizes [points]
 NORTH = 0.85  # from the scale bar to the arrow to the north [inches]
@@ -103,12 +105,23 @@ def draw_plans(
 
 
 def _name(axes: Axes, name: str) -> Text:
-    """Write the name of a storey above its plan, at the first of three places where it covers no other text."""
+    """Write the name of a storey above its plan, at the first of three places where it covers no other text.
+
+    Before that, names of exits that cover others are moved outward by lines, at most `LINES`.
+    """
     renderer = FigureCanvasAgg(axes.figure).get_renderer()
     style: dict[str, Any] = {"fontsize": 10, "color": palette.TEXT, "y": 1.0, "pad": 3, "parse_math": False}
     titles = [axes.set_title(name, loc=place, **style) for place in ("left", "right", "center")]
     with legible_figure(axes.figure):
-        written = [text.get_window_extent(renderer) for text in axes.texts]
+        written: list[Bbox] = []
+        for text in axes.texts:
+            size = text.get_fontsize()
+            for _ in range(LINES if isinstance(text, Annotation) and text.get_fontweight() == "bold" else 0):
+                if not text.get_window_extent(renderer).count_overlaps(written):
+                    break
+                x, y = text.xyann
+                text.xyann = x + 1.2 * size * x / math.hypot(x, y), y + 1.2 * size * y / math.hypot(x, y)
+            written.append(text.get_window_extent(renderer))
         free = [title for title in titles if not title.get_window_extent(renderer).count_overlaps(written)]
     chosen = (free or titles)[0]
     for title in titles:

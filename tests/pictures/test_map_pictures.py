@@ -1,11 +1,14 @@
 """Pictures of maps, looked at by their pixels."""
 
+import itertools
+
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from evac import Plan
 from evac.analysis.maps import QUANTITIES
 from evac.base.errors import ResultError
 from evac.pictures import palette
@@ -109,3 +112,19 @@ def test_the_label_of_a_difference_is_in_the_picture_of_a_low_building(trajector
     label = figure.axes[-1].yaxis.label.get_window_extent()
     assert figure.bbox.x0 <= label.x0 < label.x1 <= figure.bbox.x1
     assert figure.bbox.y0 <= label.y0 < label.y1 <= figure.bbox.y1
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_long_names_of_exits_beside_each_other_are_written_in_lines(turned):
+    names = ["north east entrance of the audience", "north west entrance of the audience"]
+    ends = [[[5.2, 6.0], [4.2, 6.0]], [[3.6, 6.0], [2.6, 6.0]]]
+    plan = Plan()
+    plan.storey("hall", [[(-y, x) if turned else (x, y) for x, y in [(0, 0), (8, 0), (8, 6), (0, 6)]]])
+    for name, line in zip(names, ends, strict=True):
+        plan.exit(name, "hall", [(-y, x) if turned else (x, y) for x, y in line])
+    building = plan.building()
+    plans = draw_plans(building, "Hall", greatest=(5.4, 4.0))
+    plans.figure.canvas.draw()
+    boxes = [text.get_window_extent() for text in (*plans.axes[0].texts, *plans.names)]
+    assert len(boxes) == 3
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
