@@ -190,12 +190,17 @@ def hold_up_of(study: "Study", point: int) -> str:
     return f"What holds up most is {most}: {100.0 * share:.0f} % of all waiting, long in {runs}"
 
 
+def _at_places(row: Mapping[str, Any]) -> dict[str, int]:
+    """Return how many people were at each safe place at the end of a run."""
+    return {one["row"]: int(one["value"]) for one in row["tables"] or () if one["row"].startswith(AT)}
+
+
 def people_at(study: "Study", point: int) -> dict[str, str]:
     """Return how many people were at each safe place at the end of the runs of a point, in words."""
-    found: dict[str, list[float]] = {}
+    found: dict[str, list[int]] = {}
     for row in study.rows(point, ["tables"]):
-        for one in (one for one in row["tables"] if one["row"].startswith(AT)):
-            found.setdefault(one["row"], []).append(one["value"])
+        for what, people in _at_places(row).items():
+            found.setdefault(what, []).append(people)
     return {what: " to ".join(f"{of:g}" for of in sorted({min(each), max(each)})) for what, each in found.items()}
 
 
@@ -251,18 +256,20 @@ def parameter_keys(study: "Study") -> list[str]:
 
 
 def write_runs(study: "Study", path: Path) -> None:
-    """Write runs.csv: a row for each run, even a failed one, with two columns for each exit, without single people."""
+    """Write runs.csv: a row for each run, even a failed one, with columns for exits and safe places, not for people."""
     names = in_order({exit_["name"] for row in study.rows(columns=["exits"]) for exit_ in row["exits"]}, str)
+    places = in_order({at for row in study.rows(columns=["tables"]) for at in _at_places(row)}, str)
     own = ["point", "run", "seed", *parameter_keys(study), *RUN_COLUMNS]
     if study.seeds.repetitions > 1:
         own.insert(3, "population_seed")
     of_exits = [f"{name}: {what}" for name in names for what in ("people", "last_out")]
-    head = [*own, *of_exits, "quality_warnings", "error"]
+    head = [*own, *of_exits, *places, "quality_warnings", "error"]
 
     def lines() -> Iterator[list[Any]]:
-        for row in study.rows(columns=[*own, "exits", "quality_warnings", "error"], failed=True):
+        for row in study.rows(columns=[*own, "exits", "tables", "quality_warnings", "error"], failed=True):
             used = {exit_["name"]: exit_ for exit_ in row["exits"]}
             exits = [used.get(name, {}).get(what) for name in names for what in ("people", "last_out")]
+            exits += map(_at_places(row).get, places)
             yield [*(_field(row[key]) for key in own), *exits, "; ".join(row["quality_warnings"]), row["error"]]
 
     write_csv(path, head, lines())

@@ -97,6 +97,7 @@ def test_a_study_carries_what_its_runs_carry(tmp_path):
     assert f"that of the runs is {apart} % more" in page.fact("Second opinion")
     assert page.fact("Walking") == runs[0].answer.movement
     assert page.fact("People at refuge 'safe'") == "1"
+    assert [row["people at refuge 'safe'"] for row in rows_of(tmp_path / "s")] == ["1", "1"]
     assert {row[0]: row[1] for row in page.table("Groups, their")[1:]} == {"chair": "1", "legs": "4"}
     assert page.table("Rooms by use")[1][:5] == ["office", "1", "24.0", "6.0", "4"]
     what = [row[0] for row in page.table("events, safe places")[1:]]
