@@ -119,8 +119,8 @@ def _name(axes: Axes, name: str) -> Text:
             for _ in range(LINES if isinstance(text, Annotation) and text.get_fontweight() == "bold" else 0):
                 if not text.get_window_extent(renderer).count_overlaps(written):
                     break
-                x, y = text.xyann
-                text.xyann = x + 1.2 * size * x / math.hypot(x, y), y + 1.2 * size * y / math.hypot(x, y)
+                x, y = text.get_position()
+                text.set_position((x + 1.2 * size * x / math.hypot(x, y), y + 1.2 * size * y / math.hypot(x, y)))
             written.append(text.get_window_extent(renderer))
         free = [title for title in titles if not title.get_window_extent(renderer).count_overlaps(written)]
     chosen = (free or titles)[0]
