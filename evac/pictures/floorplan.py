@@ -28,7 +28,7 @@ from evac.pictures.writing import legible_figure, round_length
 #: Greatest width and height of all plans together, and the margin around them [inches].
 WIDTH, HEIGHT = 10.0, 7.0
 MARGIN, TITLE, HEAD, BAR, SIDE = 0.3, 0.75, 0.3, 0.45, 1.3
-LINES = 2  # by which the name of an exit is moved at most
+LINES, LINE = 2, 10.2  # by which the name of an exit is moved at most, and their height [points]
 NAMES = 0.26  # height of the names of exits and their distance from the plan [inches]
 MARKERS = {"sign": ("s", 5.0), "fire": ("*", 14.0)}  # of places that are points, and their sizes [points]
 NORTH = 0.85  # from the scale bar to the arrow to the north [inches]
@@ -115,12 +115,11 @@ def _name(axes: Axes, name: str) -> Text:
     with legible_figure(axes.figure):
         written: list[Bbox] = []
         for text in axes.texts:
-            size = text.get_fontsize()
             for _ in range(LINES if isinstance(text, Annotation) and text.get_fontweight() == "bold" else 0):
                 if not text.get_window_extent(renderer).count_overlaps(written):
                     break
                 x, y = text.get_position()
-                text.set_position((x + 1.2 * size * x / math.hypot(x, y), y + 1.2 * size * y / math.hypot(x, y)))
+                text.set_position((x + LINE * x / math.hypot(x, y), y + LINE * y / math.hypot(x, y)))
             written.append(text.get_window_extent(renderer))
         free = [title for title in titles if not title.get_window_extent(renderer).count_overlaps(written)]
     chosen = (free or titles)[0]
