@@ -8,7 +8,7 @@ from shapely import box
 
 import evac
 from evac.base.errors import RunWarning, ScenarioError
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 from tests.runs import MODELS, run_ticks
 
 FLOOR = [[0, 0], [20, 0], [20, 8], [0, 8]]
@@ -55,7 +55,7 @@ def crossed(results, name, after):
 
 
 def test_people_turn_round_where_a_stair_gets_the_other_direction_and_nobody_passes_it_against():
-    results = Simulation(house(event("one_way", "a", 4.0, value="up"))).run()
+    results = simulation_of(house(event("one_way", "a", 4.0, value="up"))).run()
     assert results.ended == "everybody out"
     flight = next(level for level in results.building.levels if level.stair == "a")
     low, high = (portal for portal in results.building.portals if flight.index in portal.levels)
@@ -67,8 +67,10 @@ def test_people_turn_round_where_a_stair_gets_the_other_direction_and_nobody_pas
 
 
 def test_a_stair_of_the_direction_in_which_people_go_changes_nothing_for_them():
-    one = Simulation(house()).run()
-    other = Simulation(house(event("one_way", "a", 0.0, value="down"), event("one_way", "a", 5.0, value=False))).run()
+    one = simulation_of(house()).run()
+    other = simulation_of(
+        house(event("one_way", "a", 0.0, value="down"), event("one_way", "a", 5.0, value=False))
+    ).run()
     assert other.ended == "everybody out"
     assert crossed(other, "a", 0.0) == crossed(one, "a", 0.0)
     assert other.last_out == pytest.approx(one.last_out, rel=0.1)
@@ -76,14 +78,14 @@ def test_a_stair_of_the_direction_in_which_people_go_changes_nothing_for_them():
 
 def test_people_who_cannot_reach_any_exit_any_more_are_told_of_by_group():
     events = [event("close", "a", 4.0), event("close", "b", 4.0)]
-    results = Simulation(house(*events, **{"people.below.exits": ["main"]})).run()
+    results = simulation_of(house(*events, **{"people.below.exits": ["main"]})).run()
     assert results.ended == "no progress"
     left = np.bincount(results.crowd.level[results.crowd.level >= 0], minlength=len(results.levels))
     (line,) = [line for line in results.notes if "cannot reach" in line]
     assert line.startswith(f"people.above: {left.sum()} people on ")
     assert "'first'" in line
     assert "any exit" in line
-    reopened = Simulation(house(*events, event("open", "a", 8.0))).run()
+    reopened = simulation_of(house(*events, event("open", "a", 8.0))).run()
     assert reopened.ended == "everybody out"
     assert not any("cannot reach" in line for line in reopened.notes)
 
@@ -95,7 +97,7 @@ def test_people_whose_exits_cannot_be_reached_any_more_take_any_other_until_they
     closing = [event("close", "a", 0.0), event("close", "b", 0.0)]
     used, rows = {}, np.arange(10)
     for name, events in (("open", []), ("closed", closing), ("again", [*closing, event("open", "a", 0.5)])):
-        results = Simulation(house(*events, **changes)).run()
+        results = simulation_of(house(*events, **changes)).run()
         assert results.ended == "everybody out"
         exits = np.array(list(results.exits))[results.crowd.exit_used[rows]]
         used[name] = dict(zip(*np.unique(exits, return_counts=True), strict=True))
@@ -111,7 +113,9 @@ def test_what_came_of_events_is_warned_of_after_the_run():
 def test_directions_do_not_lead_through_a_portal_against_its_direction(strategy):
     ways = []
     for value in ("down", "up"):
-        simulation = Simulation(house(event("one_way", "a", 0.0, value=value), **{"people.above.strategy": strategy}))
+        simulation = simulation_of(
+            house(event("one_way", "a", 0.0, value=value), **{"people.above.strategy": strategy})
+        )
         run_ticks(simulation, 1)
         first = simulation.building.level_named("first").index
         route = int(simulation.population.crowd.route[0])
@@ -122,7 +126,7 @@ def test_directions_do_not_lead_through_a_portal_against_its_direction(strategy)
 def hall(*events):
     """Return the way of one person through the hall, who walks at 1 m/s from its east to the main exit."""
     case = house(*events).change({"people": [WALKER]})
-    simulation = Simulation(case)
+    simulation = simulation_of(case)
     places = []
     while not simulation.ended:
         simulation.advance_tick()
@@ -173,7 +177,7 @@ def test_nobody_enters_a_barred_area_if_there_is_any_other_way(strategy):
     }
     x = {}
     for name, changes in (("free", []), ("barred", [event("bar", "wet", 0.0)])):
-        simulation = Simulation(evac.load(table, {"event": changes}))
+        simulation = simulation_of(evac.load(table, {"event": changes}))
         run_ticks(simulation, 20)
         x[name] = simulation.population.crowd.position[0, 0]
     assert x["free"] < 4.0
@@ -184,7 +188,7 @@ def test_nobody_enters_a_barred_area_if_there_is_any_other_way(strategy):
 def test_people_who_must_pass_a_barred_area_behind_a_stair_leave_it_in_its_whole_width(strategy):
     """They would otherwise walk along the end of the stair to the corner that is nearest to the exit."""
     changes = {"people.above.strategy": strategy}
-    simulation = Simulation(house(event("bar", "ground", 0.0), event("close", "b", 0.0), **changes))
+    simulation = simulation_of(house(event("bar", "ground", 0.0), event("close", "b", 0.0), **changes))
     run_ticks(simulation, 30)  # by which directions that follow the crowd are solved again
     building, routes = simulation.building, [str(route) for route in simulation.fields.routes]
     (foot,) = (one for one in building.portals if one.name == "ground - a")
@@ -195,14 +199,14 @@ def test_people_who_must_pass_a_barred_area_behind_a_stair_leave_it_in_its_whole
 
 
 def test_a_barred_storey_does_not_change_the_way_from_another_one_to_its_exit():
-    free, barred = (Simulation(house(*events)) for events in ([], [event("bar", "first", 0.0)]))
+    free, barred = (simulation_of(house(*events)) for events in ([], [event("bar", "first", 0.0)]))
     places = np.column_stack([np.tile([0.2, 0.5, 1.0], 14), np.repeat(np.linspace(2.5, 4.7, 14), 3)])
     ways = [one.fields.directions_at(0, places, 0) for one in (free, barred)]
     assert ways[1] == pytest.approx(ways[0], abs=1e-9)
 
 
 def test_who_enters_a_barred_area_is_named():
-    simulation = run_ticks(Simulation(house(event("bar", "ground", 3.0), event("bar", "first", 4.0))), 30)
+    simulation = run_ticks(simulation_of(house(event("bar", "ground", 3.0), event("bar", "first", 4.0))), 30)
     above = set(np.flatnonzero(simulation.population.crowd.level != 0).tolist())
     found = run_ticks(simulation, 200).results().summary()["entered_barred"]
     assert set(found) == {"ground"}
@@ -216,7 +220,7 @@ def test_an_event_at_the_start_happens_before_the_first_tick(kind):
     values = {"one_way": {"value": "down"}, "slow": {"value": 0.5}, "strategy": {"value": "shortest"}}
     behaviours = {"behaviours.walking": {}, "behaviours.response_time": {}}
     case = house(event(kind, target, 0.0, **values.get(kind, {})), **behaviours)
-    (change,) = run_ticks(Simulation(case), 2).scene.changes
+    (change,) = run_ticks(simulation_of(case), 2).scene.changes
     assert (change.kind, change.time) == (kind, 0.0)
 
 
@@ -234,20 +238,20 @@ def test_nobody_is_stuck_at_a_post_beside_a_barred_or_slow_doorway(what):
 
 
 def test_a_group_gets_other_exits_and_other_strategies():
-    results = Simulation(house(event("strategy", "below", 0.5, value=["back"]))).run()
+    results = simulation_of(house(event("strategy", "below", 0.5, value=["back"]))).run()
     rows = next(group.rows for group in results.groups if group.name == "below")
     late = rows[results.crowd.exit_time[rows] > 0.5]
     names = list(results.exits)
     assert len(late) > 5
     assert {names[used] for used in results.crowd.exit_used[late]} == {"back"}
-    routes = Simulation(house(event("strategy", "below", 5.0, value="shortest")), will_run=False).fields.routes
+    routes = simulation_of(house(event("strategy", "below", 5.0, value="shortest")), will_run=False).fields.routes
     assert [route.strategy for route in routes if not route.exits] == ["fastest", "shortest"]
 
 
 def test_an_alarm_shortens_the_response_times_of_those_in_its_place():
     times = {"behaviours.response_time.time": 50.0}
-    results = Simulation(house(event("alarm", "hall", 5.0, value=0.1), **times)).run()
-    simulation = Simulation(house(**times))
+    results = simulation_of(house(event("alarm", "hall", 5.0, value=0.1), **times)).run()
+    simulation = simulation_of(house(**times))
     hears = simulation.population.rows_in(simulation.building, "hall")
     expected = np.full(30, 50.0)
     expected[hears] = 10.0
@@ -259,7 +263,7 @@ def test_phases_start_by_their_alarms_and_tell_when_their_floors_were_clear():
     phases = [{"name": "second", "of": ["below"], "cue": "first", "delay": 6.0}, {"name": "first", "of": ["first"]}]
     times = {"behaviours.response_time.time": {"uniform": [1.0, 3.0]}}
     case = house(phase=phases, **times)
-    simulation = Simulation(case)
+    simulation = simulation_of(case)
     results = simulation.run()
     assert [(change.time, change.what) for change in results.changes] == [(0.0, "first"), (6.0, "below")]
     assert [phase["name"] for phase in results.phase] == ["second", "first"]
@@ -305,7 +309,7 @@ def test_phases_without_a_beginning_are_refused(phases, words):
     ],
 )
 def test_an_event_happens_at_the_tick_at_which_its_condition_is_true(when, is_true):
-    simulation = Simulation(house(event("close", "back", when=when)))
+    simulation = simulation_of(house(event("close", "back", when=when)))
     while not simulation.scene.changes:
         expected = is_true(simulation)
         time = simulation.time
@@ -317,7 +321,7 @@ def test_an_event_happens_at_the_tick_at_which_its_condition_is_true(when, is_tr
 def test_an_event_follows_another():
     first = event("close", "back", when={"out": 4}, name="closing")
     case = house(first, event("open", "back", when={"event": "closing", "after": 2.0}))
-    results = Simulation(case).run()
+    results = simulation_of(case).run()
     closing, opening = results.changes
     assert (closing.kind, opening.kind) == ("close", "open")
     assert opening.time == pytest.approx(closing.time + 2.0)
@@ -347,7 +351,7 @@ def long_hall(model="nsm2"):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_nobody_passes_a_door_that_closed_at_60_s_but_those_named_whose_bodies_were_on_its_line(model, tmp_path):
-    simulation = Simulation(long_hall(model))
+    simulation = simulation_of(long_hall(model))
     near, far = (next(way for way in simulation.building.exits if way.name == name) for name in ("near", "far"))
     run_ticks(simulation, 600)
     crowd = simulation.population.crowd
@@ -412,7 +416,7 @@ def test_events_that_say_nothing_possible_are_refused_with_their_key(wrong, word
 def test_all_events_of_what_the_building_has_not_are_refused_at_once_with_their_keys():
     case = house(event("close", "mian", 5.0), event("close", "main", 5.0), event("one_way", "a", 5.0, value="west"))
     with pytest.raises(ScenarioError) as caught:
-        Simulation(case)
+        simulation_of(case)
     lines = str(caught.value).splitlines()
     assert [line.removeprefix(f"{case.source}: ")[:8] for line in lines] == ["event.0:", "event.2:"]
     assert "'main'" in lines[0]

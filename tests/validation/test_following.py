@@ -81,11 +81,6 @@ def leads(simulation):
     return [np.array(values) for values in found]
 
 
-def share_ahead(simulation):
-    """Return the share of all pupils' time spent more than a second ahead of their teacher."""
-    return float(np.mean(np.concatenate(leads(simulation)) > SECOND))
-
-
 def test_pupils_keep_behind_their_teachers_and_six_classes_get_out():
     kept = []
     for seed in (1, 2, 3, 4):
