@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 import shapely
 
+import evac
 from evac.directions.build import build_fields
+from evac.directions.lengths import slowness_of
 from evac.directions.march import marching
 from evac.directions.routes import Route
 from tests.directions.conftest import Drawing
@@ -261,3 +263,18 @@ def test_ground_behind_a_slit_has_times_and_does_not_change_those_before_it():
     np.testing.assert_array_equal(times[:2], known[:2])
     assert np.isfinite(times[2])
     assert np.isinf(known[2])
+
+
+def test_time_on_an_escalator_is_that_of_people_who_stand_unless_speeds_are_not_heeded():
+    plan = evac.Plan()
+    for k in range(2):
+        plan.storey(f"s{k}", shapely.box(0, 0, 10, 6), z=3.0 * k)
+    plan.stair("up", "s0", [(1.0, 0), (2.2, 0)], "s1", [(2.3, 0), (3.5, 0)], length=5.0, direction=(0, -1))
+    still = plan.building(need_exit=False)
+    flights = [level.index for level in still.levels if level.slope > 0.0]
+    moving = replace(still, moving=frozenset((level, 0.4, 0.3) for level in flights))
+    uses, shortest = np.array([1.0, 2.0, 1.5]), np.ones(3)
+    expected = slowness_of(still, uses, Route())
+    expected[flights] = 1.0 / 0.5
+    np.testing.assert_allclose(slowness_of(moving, uses, Route()), expected)
+    np.testing.assert_array_equal(slowness_of(moving, shortest, Route()), slowness_of(still, shortest, Route()))

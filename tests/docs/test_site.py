@@ -12,7 +12,7 @@ import evac
 from evac.case.loading import load_case
 from evac.case.schema import shipped_presets
 from evac.contract.registry import Registry
-from evac.simulation.shared import simulation_of
+from evac.simulation.simulation import Simulation
 from tests.docs.conftest import MARK, filled, table
 
 #: Described names that are not at the top of the package: what users get from public functions.
@@ -95,7 +95,7 @@ def test_recipes_are_taken(text, split_level, monkeypatch):
         case = merged(case, tomllib.loads(UPSTAIRS))
     if "event" in recipe:
         case["people"][0]["speed"] = 0.15  # so that somebody is there at the times of the events
-    simulation = simulation_of(load_case(merged(case, recipe)))
+    simulation = Simulation(load_case(merged(case, recipe)))
     if "event" in recipe:
         events = [(one["kind"], one.get("target", "")) for one in recipe["event"]]
         assert [(change.kind, change.what) for change in simulation.run().changes] == events
@@ -111,6 +111,6 @@ def test_every_preset_takes_the_place_of_the_one_in_a_recipe(preset, split_level
     folder, case = split_level
     monkeypatch.chdir(folder)
     (recipe,) = (text for text in RECIPES if 'name = "balcony"' in text and 'preset = "wheelchair"' in text)
-    simulation = simulation_of(load_case(merged(case, tomllib.loads(recipe.replace('"wheelchair"', f'"{preset}"')))))
+    simulation = Simulation(load_case(merged(case, tomllib.loads(recipe.replace('"wheelchair"', f'"{preset}"')))))
     simulation.advance_tick()
     assert simulation.population.inside == 2

@@ -9,7 +9,6 @@ from evac.cli.check import show_building
 from evac.contract.registry import Registry
 from evac.physics.state import FIRM
 from evac.report.of_run import banner, main_results
-from evac.simulation.shared import simulation_of
 from evac.simulation.simulation import Simulation
 from tests.runs import run_ticks
 
@@ -43,7 +42,7 @@ def case_of(plan, **wheelchair):
 
 
 def test_wheelchairs_take_the_ramp_and_others_the_stair():
-    simulation = simulation_of(case_of(two_ways()))
+    simulation = Simulation(case_of(two_ways()))
     crowd = simulation.population.crowd
     while not simulation.ended:
         simulation.advance_tick()
@@ -65,13 +64,13 @@ def test_wheelchairs_that_choose_exits_take_the_ramp():
 
 
 def test_wheelchairs_keep_their_width():
-    crowd = simulation_of(case_of(two_ways())).population.crowd
+    crowd = Simulation(case_of(two_ways())).population.crowd
     assert crowd.contact_radius[crowd.group == 1] == pytest.approx(0.4)
     assert crowd.contact_radius[crowd.group == 0] == pytest.approx(Registry().behaviours["walking"]().chest_depth / 2)
 
 
 def test_without_limit_wheelchairs_have_the_route_of_all():
-    simulation = simulation_of(case_of(two_ways()).change({"people.wheelchairs.steepest": 10.0}))
+    simulation = Simulation(case_of(two_ways()).change({"people.wheelchairs.steepest": 10.0}))
     one = simulation.fields
     position = simulation.population.crowd.position
     level = simulation.population.crowd.level
@@ -81,7 +80,7 @@ def test_without_limit_wheelchairs_have_the_route_of_all():
 
 def test_wheelchairs_that_only_stairs_lead_out_are_told_of():
     with pytest.raises(evac.EvacError, match=r"wheelchairs.* cannot reach any exit without slopes above 0\.0834"):
-        simulation_of(case_of(two_ways(gradient=1.0 / 8.0)))
+        Simulation(case_of(two_ways(gradient=1.0 / 8.0)))
 
 
 def with_refuges(*places, number=4, gradient=1.0 / 8.0):
@@ -117,7 +116,7 @@ def test_a_refuge_takes_no_more_people_than_its_capacity(spacing):
     assert all(str(refuge) in told for refuge in results.places)
     full = r"cannot reach any exit without slopes.* place\.at lobby\.capacity or place\.at corner\.capacity"
     with pytest.raises(evac.EvacError, match=full):
-        simulation_of(with_refuges(("lobby", 2), ("corner", 1)))
+        Simulation(with_refuges(("lobby", 2), ("corner", 1)))
 
 
 def test_people_on_their_way_to_a_refuge_leave_if_a_way_opens():
@@ -155,7 +154,7 @@ def test_an_event_changes_the_exits_of_those_only_who_are_not_on_their_way_to_a_
 
 
 def test_routes_that_follow_the_crowd_avoid_slopes_too():
-    simulation = simulation_of(case_of(two_ways(), strategy="quickest"))
+    simulation = Simulation(case_of(two_ways(), strategy="quickest"))
     crowd = simulation.population.crowd
     while not simulation.ended:
         simulation.advance_tick()
@@ -181,7 +180,7 @@ def test_ramps_are_walked_at_the_speed_on_the_level_up_to_one_in_eight(rise, ram
 
 
 def test_who_is_at_a_refuge_stands_firm_until_sent_elsewhere():
-    simulation = simulation_of(with_refuges(("lobby", None)))
+    simulation = Simulation(with_refuges(("lobby", None)))
     while not simulation.ended:
         simulation.advance_tick()
     arrived, firmness = simulation.places.arrived, simulation.population.crowd.firmness

@@ -5,6 +5,7 @@ import pytest
 
 from evac.case.loading import load_case
 from evac.directions.routes import STRATEGIES, Route
+from evac.simulation.checkpoints import kernels_of
 from evac.simulation.needed import needed_routes
 from evac.simulation.simulation import Simulation
 
@@ -80,3 +81,8 @@ def test_full_is_told_as_it_was_done():
     assert plan["force: social"][0]
     assert "0.00 m" in plan["force: social"][1]
     assert plan["behaviour: response_time"][0]
+
+
+def test_kernels_of_behaviours_are_loaded_at_the_start_and_named_by_checkpoints():
+    _, simulation = plan_of("square_room", {"behaviours.headway": {}})
+    assert any(label.startswith("evac_plugins.behaviour_headway.") for label in kernels_of(simulation))
