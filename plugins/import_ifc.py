@@ -194,7 +194,7 @@ def _proxies(read: "Products", kinds: set[str], are_slabs: bool, findings: list[
         element = read.entities[number]
         if element["ifc_type"] == PROXY and len(triangles) and np.isfinite(points).all():
             body = Body("slab", _label(number, element), points, triangles, number)
-            area, z = max(((plan.area, z) for plan, z in body.tops()), default=(0.0, 0.0))
+            area, z = max(((plan.area, z) for plan, z in body.tops), default=(0.0, 0.0))
             if area > LEAST_SLAB and body.z_max - body.z_min < THICKEST_SLAB:
                 bodies.append(body)
                 text = f"{body.name!r}, a proxy, has the shape of a slab of {area:.1f} m2 at z = {z:.2f} m"

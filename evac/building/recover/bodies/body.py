@@ -78,8 +78,9 @@ class Body:
         x, y = self.box[:, :2].mean(axis=0).tolist()
         return x, y
 
+    @cached_property
     def tops(self) -> list[tuple[BaseGeometry, float]]:
-        """Return the level faces that point upwards: for each height, their union in plan and the height [m]."""
+        """Level faces that point upwards: for each height, their union in plan and the height [m]."""
         return self._level_faces(self.normals[:, 2])
 
     def bottoms(self) -> list[tuple[BaseGeometry, float]]:

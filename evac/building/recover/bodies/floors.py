@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import shapely
 from shapely.geometry.base import BaseGeometry
@@ -70,11 +71,22 @@ class Floor:
 
 @dataclass
 class _Height:
-    """Plans of spaces (with names) and of slabs that form one floor."""
+    """Plans of spaces (with names) and of slabs that form one floor, with all bodies and passages of the building."""
 
     z: float
+    name: str = ""
+    bodies: Sequence[Body] = ()
+    passages: Sequence[Body] = ()
     spaces: list[tuple[Body, BaseGeometry, float]] = field(default_factory=list)
     slabs: list[BaseGeometry] = field(default_factory=list)
+
+    @cached_property
+    def walls(self) -> list[BaseGeometry]:
+        """The plans of walls, columns and fillings of openings."""
+        solid = [body for body in [*self.bodies, *self.passages] if body.kind in ("wall", "column", "opening")]
+        level = self.z + CUTS[2]
+        sections = [body.shadow for body in solid if body.z_min < level < body.z_max]
+        return [plan for plan in sections if not plan.is_empty]
 
 
 def floors_of(
@@ -91,25 +103,23 @@ def floors_of(
     low = _closed_spaces(bodies, findings)
     heights = _heights([body for body in bodies if body not in low], rules)
     names = _names(heights, storeys)
-    tops = [(plan, z) for body in bodies if body.kind == "slab" for plan, z in body.tops()]
     floors = []
-    each = zip(heights, names, strict=True)
-    for height, name in told("reading floors", each, len(heights)):
+    for height, name in told("reading floors", zip(heights, names, strict=True), len(heights)):
+        height.name, height.bodies, height.passages = name, bodies, passages
         slabs = united(height.slabs)
-        if height.spaces and slabs.is_empty and _is_above_roof(height, bodies):
+        if height.spaces and slabs.is_empty and _is_above_roof(height):
             text = "spaces with a roof and no slab below are outside of the building"
             place, number = height.spaces[0][0].place, len(height.spaces)
             findings.append(Finding("left out", text, name, place, element="space", number=number))
             continue
         if height.spaces:
-            steps = _in_other_spaces(height, tops, heights)
-            halls = _halls(height, slabs, bodies, passages, name, findings)
-            made = united([_of_spaces(height, slabs, name, rules.gap, findings), steps, halls])
+            steps, halls = _in_other_spaces(height, heights), _halls(height, slabs, findings)
+            made = united([_of_spaces(height, slabs, rules.gap, findings), steps, halls])
             slabs = united([slabs, steps])
         elif any(abs(body.z_min - height.z) <= THICKNESS and _covers(body.shadow, slabs) for body in low):
             continue
         else:
-            if len(heights) > 1 and _is_bare(height, bodies, passages):
+            if len(heights) > 1 and _is_bare(height):
                 text = "no wall, door or stair stands on the slab: a roof, a terrace or a canopy"
                 number = len(height.slabs)
                 findings.append(Finding("left out", text, name, place_of(slabs), element="slab", number=number))
@@ -117,8 +127,7 @@ def floors_of(
             made = slabs
             what = "the file has no spaces" if rules.ground == "auto" else "as set"
             findings.append(Finding("assumed", f"slabs without walls are used as floors: {what} (ground)", name))
-        made = _without_bodies(made, bodies, height, rules.furniture)
-        made = _inside(made, height, bodies, passages, name, findings)
+        made = _inside(_without_bodies(made, height, rules.furniture), height, findings)
         spaces = sorted(height.spaces, key=lambda one: one[0].name)
         rooms = [(body.name, body.use, plan) for body, plan, _ in spaces]
         floors.append(Floor(name, height.z, made, slabs, rooms))
@@ -153,22 +162,22 @@ def _covers(plan: BaseGeometry, other: BaseGeometry) -> bool:
     return bool(common(plan, other).area > 0.5 * other.area)
 
 
-def _is_above_roof(height: "_Height", bodies: Sequence[Body]) -> bool:
+def _is_above_roof(height: _Height) -> bool:
     """Return whether a roof ends at about the height of spaces, below at least half of their area."""
-    roofs = [body.shadow for body in bodies if body.kind == "roof" and abs(body.z_max - height.z) < ROOF]
+    roofs = [body.shadow for body in height.bodies if body.kind == "roof" and abs(body.z_max - height.z) < ROOF]
     return bool(roofs) and _covers(united(roofs), united([one for _, one, _ in height.spaces]))
 
 
-def _is_bare(height: "_Height", bodies: Sequence[Body], passages: Sequence[Body]) -> bool:
+def _is_bare(height: _Height) -> bool:
     """Return whether neither walls higher than a parapet nor doors nor stairs are at a height."""
     slabs, z = united(height.slabs), height.z
     beside = [
         body
-        for body in bodies
+        for body in height.bodies
         if (body.kind == "wall" and body.z_min < z + CUTS[2] and body.z_max > z + CUTS[3])
         or (body.kind in ("stair", "landing") and body.z_min - THICKNESS < z < body.z_max + THICKNESS)
     ]
-    beside += [body for body in passages if abs(body.z_min - z) <= THICKNESS]
+    beside += [body for body in height.passages if abs(body.z_min - z) <= THICKNESS]
     return not any(shapely.dwithin(shapely.box(*body.box[:, :2].ravel()), slabs, THICKNESS) for body in beside)
 
 
@@ -179,7 +188,7 @@ def _heights(bodies: Sequence[Body], rules: Rules) -> list[_Height]:
     if ground != "slabs":
         spaces = [(body, *face) for body in bodies if body.kind == "space" for face in _lowest(body)]
         candidates += [(plan.area, z, body, plan) for body, plan, z in spaces]
-    slabs = [(plan.area, z, body, plan) for body in bodies if body.kind == "slab" for plan, z in body.tops()]
+    slabs = [(plan.area, z, body, plan) for body in bodies if body.kind == "slab" for plan, z in body.tops]
     heights: list[_Height] = []
     for _, z, body, plan in sorted(candidates, key=lambda one: (-one[0], one[1])):
         height = _nearest(heights, z, step)
@@ -234,26 +243,23 @@ def _names(heights: Sequence[_Height], storeys: Sequence[tuple[str, float]]) -> 
     return names
 
 
-def _of_spaces(height: _Height, slabs: BaseGeometry, name: str, gap: float, findings: list[Finding]) -> BaseGeometry:
+def _of_spaces(height: _Height, slabs: BaseGeometry, gap: float, findings: list[Finding]) -> BaseGeometry:
     """Return the part of the spaces that has a slab below it."""
     plan = united([closed(united([one for _, one, _ in height.spaces]), gap)])
     if slabs.is_empty:
-        findings.append(
-            Finding("assumed", "no slab is at the height of the spaces; all spaces are used as floors", name)
-        )
+        text = "no slab is at the height of the spaces; all spaces are used as floors"
+        findings.append(Finding("assumed", text, height.name))
         return plan
     void = without_slivers(cut(plan, slabs), 2 * THICKNESS)
     for part in shapely.get_parts(void):
         if part.area > LEAST_VOID:
             text = f"{part.area:.2f} m2 of space without a slab below are a void"
-            findings.append(Finding("left out", text, name, place_of(part)))
+            findings.append(Finding("left out", text, height.name, place_of(part)))
             plan = cut(plan, part)
     return plan
 
 
-def _in_other_spaces(
-    height: _Height, tops: Sequence[tuple[BaseGeometry, float]], heights: Sequence[_Height]
-) -> BaseGeometry:
+def _in_other_spaces(height: _Height, heights: Sequence[_Height]) -> BaseGeometry:
     """Return the slabs at a height that are in spaces of other floors: recesses and landings of a hall, for example."""
     spaces = [
         plan
@@ -261,70 +267,49 @@ def _in_other_spaces(
         for body, plan, z in other.spaces
         if other is not height and z - RECESS <= height.z < body.z_max
     ]
+    tops = [top for body in height.bodies if body.kind == "slab" for top in body.tops]
     here = [plan for plan, z in tops if abs(z - height.z) <= SAME_HEIGHT]
     over = [plan for plan, z in tops if SAME_HEIGHT < z - height.z < STANDING]
     own = [plan for _, plan, _ in height.spaces]
     return without_slivers(cut(common(united(here), united(spaces)), united([*over, *own])), NARROWEST)
 
 
-def _halls(
-    height: _Height,
-    slabs: BaseGeometry,
-    bodies: Sequence[Body],
-    passages: Sequence[Body],
-    name: str,
-    findings: list[Finding],
-) -> BaseGeometry:
+def _halls(height: _Height, slabs: BaseGeometry, findings: list[Finding]) -> BaseGeometry:
     """Return the slabs that walls and spaces enclose without a space on them, if several doors open there."""
-    around = united([*_walls_at(height, bodies, passages), *(plan for _, plan, _ in height.spaces)])
+    around = united([*height.walls, *(plan for _, plan, _ in height.spaces)])
     enclosed = [shapely.Polygon(ring) for part in shapely.get_parts(around) for ring in part.interiors]
-    doors = [body.shadow for body in passages if -THICKNESS <= body.z_min - height.z <= RECESS]
+    doors = [body.shadow for body in height.passages if -THICKNESS <= body.z_min - height.z <= RECESS]
     halls = []
     for hall in (hall for ring in enclosed for hall in shapely.get_parts(common(ring, slabs))):
         if hall.area > LEAST_VOID and sum(hall.distance(door) < BESIDE for door in doors) > 1:
             halls.append(hall)
             text = f"{hall.area:.2f} m2 of slab between doors are used as a floor without a space"
-            findings.append(Finding("assumed", text, name, place_of(hall)))
+            findings.append(Finding("assumed", text, height.name, place_of(hall)))
     return united(halls)
 
 
-def _walls_at(height: _Height, bodies: Sequence[Body], passages: Sequence[Body]) -> list[BaseGeometry]:
-    """Return the plans of walls, columns and fillings of openings at a height."""
-    solid = [body for body in [*bodies, *passages] if body.kind in ("wall", "column", "opening")]
-    level = height.z + CUTS[2]
-    sections = [body.shadow for body in solid if body.z_min < level < body.z_max]
-    return [plan for plan in sections if not plan.is_empty]
-
-
-def _inside(
-    ground: BaseGeometry,
-    height: _Height,
-    bodies: Sequence[Body],
-    passages: Sequence[Body],
-    name: str,
-    findings: list[Finding],
-) -> BaseGeometry:
+def _inside(ground: BaseGeometry, height: _Height, findings: list[Finding]) -> BaseGeometry:
     """Return the ground without terraces: parts outside of the walls to which no stair leads."""
-    walls = closed(united(_walls_at(height, bodies, passages)), THICKNESS)
+    walls = closed(united(height.walls), THICKNESS)
     hull = united([shapely.Polygon(part.exterior) for part in shapely.get_parts(walls)])
     parts = shapely.get_parts(ground)
     shares = shapely.area(shapely.intersection(parts, hull)) / shapely.area(parts)
     if common(ground, hull).area <= 0.5 * hull.area:
         return ground
-    stairs = [body for body in bodies if body.kind in ("stair", "landing")]
+    stairs = [body for body in height.bodies if body.kind in ("stair", "landing")]
     stairs = [body for body in stairs if body.z_min - THICKNESS < height.z < body.z_max + THICKNESS]
     ways = united([shapely.box(*body.box[:, :2].ravel()) for body in stairs])
     is_outside = (shares < OUTSIDE) & ~shapely.dwithin(parts, ways, THICKNESS)
     for part in parts[is_outside]:
         text = f"{part.area:.2f} m2 outside of the walls, such as a terrace: doors to it lead outside"
-        findings.append(Finding("left out", text, name, place_of(part)))
+        findings.append(Finding("left out", text, height.name, place_of(part)))
     return united(parts[~is_outside])
 
 
-def _without_bodies(ground: BaseGeometry, bodies: Sequence[Body], height: _Height, furniture: bool) -> BaseGeometry:
+def _without_bodies(ground: BaseGeometry, height: _Height, furniture: bool) -> BaseGeometry:
     """Return the ground without walls, columns, furniture and the fillings of openings in walls."""
     away = []
-    for body in bodies:
+    for body in height.bodies:
         if body.z_max <= height.z + CUTS[0] or body.z_min >= height.z + CUTS[-1]:
             continue
         if body.kind in ("wall", "column"):

@@ -108,7 +108,7 @@ def _faces(body: Body) -> list[Landing]:
     """Return the level faces of a stair that people can step on, from bottom to top; nosings belong to their treads."""
     # What is below another face, such as the steps of a stringer on which treads lie, is no part of them.
     faces: list[Landing] = []
-    tops = [(closed(plan, 0.02), z) for plan, z in body.tops()]
+    tops = [(closed(plan, 0.02), z) for plan, z in body.tops]
     for row, (plan, z) in enumerate(tops):
         over = [higher for higher, top in tops[row + 1 :] if top - z < CLEAR]
         for part in shapely.get_parts(cut(plan, united(over)) if over else plan):
