@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 #: Least side of the cells of floors [m], and least time between two readings of the air [s].
 SPACING, PERIOD = 0.5, 1.0
 
+#: Name of the compartment that is the whole building.
+WHOLE = "building"
+
 #: Greatest number of cells, and of cells times readings.
 MOST_CELLS, MOST_READINGS = 50_000, 10_000_000
 
@@ -74,7 +77,11 @@ def _parts_in(polygon: shapely.Geometry, boxes: NDArray[np.object_]) -> NDArray[
 
 
 def compartments_of(case: "Case", building: Building) -> list[Compartment]:
-    """Return the compartments of a case with a table [safety]: those that it states, or each storey and stair."""
+    """Return the compartments of a case with a table [safety]: those that it states, or each storey and stair.
+
+    A time given by hand for all of these is one for the building, too. No other compartment counts until they are out
+    those who come from above and walk through the ground floor.
+    """
     assert case.safety is not None
     if case.compartment:
         found = []
@@ -89,9 +96,14 @@ def compartments_of(case: "Case", building: Building) -> list[Compartment]:
     floors = {name: {level.index for level in levels if level.stair is None} for name, levels in building.storeys}
     parts = [(name, own, frozenset[int]()) for name, own in floors.items()]
     parts += [(name, set(own), frozenset(own)) for name, own in building.stairs.items()]
-    return [
+    found = [
         Compartment(name, frozenset(own), stairs, (), (), False, limits, share) for name, own, stairs in parts if own
     ]
+    if "available" in limits and len(found) > 1:
+        everywhere = frozenset[int]().union(*(one.levels for one in found))
+        given = {"available": limits["available"]}
+        found.append(Compartment(WHOLE, everywhere, frozenset(), (), (), True, given, share))
+    return found
 
 
 def _parts(

@@ -185,16 +185,17 @@ def test_times_and_margins_of_many_random_cases(tmp_path, seed):
     check(seed, tmp_path / "r")
 
 
-def test_without_compartments_each_storey_and_each_stair_is_one_and_people_count_where_they_start():
+def test_without_compartments_each_storey_and_stair_is_one_with_those_who_start_there_and_the_building_for_all():
     people = [{"name": "up", "level": "up", "number": 3}, {"name": "down", "level": "down", "number": 2}]
     tables = {"building": {"plan": two_storeys()}, "people": people, "safety": {"available": 30.0}}
     results = Simulation(corridor(**tables)).run()
     rows = {row["name"]: row for row in results.safety["compartments"]}
-    assert {name: row["people"] for name, row in rows.items()} == {"down": 2, "up": 3, "stair": 3}
+    assert {name: row["people"] for name, row in rows.items()} == {"down": 2, "up": 3, "stair": 3, "building": 5}
     assert rows["stair"]["required"] == results.stairs["stair"]["last_left"]
     assert rows["up"]["required"] == results.levels["up"]["last_left"]
     assert rows["down"]["required"] < results.levels["down"]["last_left"]
-    assert "'stair'" in results.verdict["text"]
+    assert results.verdict["compartment"] == "building"
+    assert rows["building"]["required"] == results.last_out
 
 
 def test_by_hand_a_verdict_has_words_for_each_status():
