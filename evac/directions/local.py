@@ -91,10 +91,11 @@ class LocalWays(Saved):
             alike = np.where(cosine > 0.0, level, -1)
             against = np.where(cosine < 0.0, level, -1)
             beside = None
-            own = radius[(columns == number) & walking]
-            if firm.any() and own.size:
-                beside = self._kernels.beside(level[firm], position[firm], radius[firm], float(own.max()))
-            self._follow(number, alike, against, position, nodes[(columns == number) & inside], level[inside], beside)
+            own = (columns == number) & inside
+            if firm.any() and (own & walking).any():
+                widest = float(radius[own & walking].max())
+                beside = self._kernels.beside(level[firm], position[firm], radius[firm], widest)
+            self._follow(number, alike, against, position, nodes[own], level[own], beside)
 
     def _follow(
         self,
