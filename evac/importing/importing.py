@@ -28,7 +28,7 @@ from evac.building.surface.resolution import Axis, likely_frame
 from evac.building.surface.surfacemesh import SurfaceMesh, checked
 from evac.contract.hooks import BASES
 from evac.contract.registry import Registry
-from evac.directions.build import least_spacing
+from evac.directions.build import find_classes, least_spacing
 from evac.folder.digests import digest_of_file
 from evac.folder.files import RUNNING, mark, read_manifest
 from evac.folder.resultfolder import is_empty, locked
@@ -46,8 +46,8 @@ DENSITY = 0.1
 MOST_DENSITY = 100.0
 #: Default height between the storeys of consecutive files [m].
 STOREY_HEIGHT = 3.0
-#: Routes for which there is memory: one to all exits, and gaps of three widths between those of people.
-ROUTES = 4
+#: Narrowest and widest people of a new case [m], and the number of routes from which their classes are counted.
+WIDTHS, ROUTES = (0.4, 0.5), 4
 #: Names of the files in the folder.
 CASE, MESH, PICTURE, REPORT = "case.toml", "building.msh", "levels.png", "report.md"
 PLAN = "building.plan.toml"
@@ -165,7 +165,9 @@ def import_building(
         if people is None and density is None and any(room.number and room.name not in stated for room in rooms):
             text = f"{DENSITY:g} people per square metre in rooms without a number or a known use (density, people)"
             findings.append(Finding("assumed", text))
-        least = least_spacing(written, ROUTES)
+        least = least_spacing(written, 1)
+        if least_spacing(written, ROUTES) > SPACING:
+            least = least_spacing(written, 1 + len(find_classes(written, *WIDTHS)))
         if spacing is None and CASE not in changed and least > SPACING:
             spacing = math.ceil(100.0 * least) / 100.0
             text = f"directions have a spacing of {spacing:g} m: with {SPACING:g} m they need too much memory (spacing)"

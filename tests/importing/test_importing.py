@@ -303,7 +303,7 @@ def test_rooms_of_any_name_are_imported_and_run(name, tmp_path):
 
 
 def test_wide_buildings_get_a_spacing_with_which_they_run(room, tmp_path, monkeypatch):
-    monkeypatch.setattr("evac.directions.build.MOST_BYTES", 500_000.0)
+    monkeypatch.setattr("evac.directions.build.MOST_BYTES", 300_000.0)
     made = import_building([room], tmp_path / "case", exits=[1])
     assert not made.fault
     spacing = tomllib.loads(text_of(made, "case.toml"))["directions"]["spacing"]
