@@ -115,7 +115,9 @@ INTERFERES = {
 }
 
 
-@pytest.mark.parametrize("code", INTERFERES)
+@pytest.mark.parametrize(
+    "code", [pytest.param(code, marks=pytest.mark.slow if " = None" in code else ()) for code in INTERFERES]
+)
 def test_what_a_plugin_does_to_the_process_is_told_in_one_line(code, tmp_path):
     status, wrong, remedy = INTERFERES[code]
     (tmp_path / "odd.py").write_text(BEHAVIOUR.replace(DO, code).replace("import numpy as np", "import os, sys"))

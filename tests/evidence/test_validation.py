@@ -2,6 +2,8 @@
 
 import csv
 
+import pytest
+
 from evac.evidence.evidence import Evidence
 from evac.evidence.validation.page import QUICK_SUBJECTS, failed_tests, run, verdict_rows
 from evac.standard.verify import TESTS
@@ -18,6 +20,7 @@ def test_a_model_fails_a_test_with_one_check():
     assert [(row["DEM"], row["NSM2"]) for row in verdict_rows(rows)] == [("yes", "-"), ("NO: 0.5", "yes")]
 
 
+@pytest.mark.slow
 def test_quick_run_writes_verdicts_and_what_is_left_out(tmp_path, monkeypatch):
     few = [test for test in TESTS if test.name in ("RiMEA-1", "RiMEA-2", "ISO-V")]
     monkeypatch.setattr("evac.evidence.validation.page.TESTS", few)

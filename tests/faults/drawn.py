@@ -121,10 +121,12 @@ def drawn(number: int, seed: int, rooms: list[str]) -> list[Mutant]:
     operators |= {"MissingStatement": MissingStatement(), "MissingElement": MissingElement()}
     equivalent = read_equivalent()
     mutants: dict[tuple[str, str], Mutant] = {}
+    known: dict[str, dict[str, list[tuple[int, int]]]] = {}
     while len(mutants) < number:
         path = generator.choices(paths, weights)[0]
-        places = _places(sources[path], operators)
-        if not places:
+        if path not in known:
+            known[path] = _places(sources[path], operators)
+        if not (places := known[path]):
             continue
         name = generator.choice(sorted(places))
         occurrence, line = generator.choice(places[name])

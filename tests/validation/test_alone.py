@@ -33,7 +33,7 @@ def test_in_the_classroom(model, seed):
 
 
 @pytest.mark.parametrize(
-    ("model", "every"), [("nsm2", 3), *(pytest.param(m, 1, marks=pytest.mark.slow) for m in MODELS)]
+    ("model", "every"), [("nsm2", 6), *(pytest.param(m, 1, marks=pytest.mark.slow) for m in MODELS)]
 )
 def test_in_the_school(model, every):
     check_all("primary_school", every, **{"contact.model": model, "behaviours.response_time": False})
