@@ -5,6 +5,7 @@ import csv
 import gc
 import json
 import textwrap
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ import pytest
 import evac
 from evac.base.errors import PluginError, ResultError, ScenarioError, SimulationError
 from evac.folder.files import RUNS_STREAM_NAME
-from evac.study.outputs import statistics_table
+from evac.study.outputs import remarks_of, statistics_table
 from evac.study.store import read_identity, write_identity
+from evac.study.study import Study
 
 
 @pytest.fixture(scope="module")
@@ -215,7 +217,7 @@ def test_a_forged_study_runs_no_plugin_file_that_was_not_given(case, tmp_path):
     assert not (tmp_path / "ran").exists()
 
 
-def test_runs_with_half_the_step_are_paired_with_the_others(case, tmp_path):
+def test_runs_with_half_the_step_are_paired_with_the_others(case, tmp_path, monkeypatch):
     study = evac.repeat(case, 4, folder=tmp_path / "r", workers=1, check_step=True)
     times = [[evac.run(study.case_of(point, run)).last_out for run in range(4)] for point in (0, 1)]
     assert [study.case_of(point, 0).simulation.step for point in (0, 1)] == [0.01, 0.005]
@@ -225,9 +227,14 @@ def test_runs_with_half_the_step_are_paired_with_the_others(case, tmp_path):
     summary = json.loads((tmp_path / "r" / "summary.json").read_text())
     assert summary["step_change"]["value"] == change.value
     assert evac.read_study(tmp_path / "r").step_change == change
+    for low, high, told in ((0.0, 0.0, False), (-0.1, 0.0, False), (0.1, 0.2, True), (-0.2, -0.1, True)):
+        monkeypatch.setattr(Study, "step_change", replace(change, low=low, high=high))
+        assert any("the time step changes the mean" in line for line in remarks_of(study)) == told
+    monkeypatch.undo()
     other = evac.sweep(case, {"simulation.step": [0.01, 0.02]}, 2, workers=1)
     assert other.step_change is None
     assert other.difference(0, 1).runs == 2
+    assert other.plot().axes[0].get_legend_handles_labels()[1] == [point.label for point in other.points]
 
 
 def test_a_script_is_told_what_the_command_tells():
