@@ -60,8 +60,10 @@ def test_the_levels_that_each_march_has_reached_are_told(building, monkeypatch):
     told = []
     monkeypatch.setattr("evac.base.phases.shown_by", [*shown_by, lambda *steps: told.append(steps)])
     build_fields(building, ROUTES[:2], clearance=0.0, workers=1)
-    done = [steps[1] for steps in told]
-    assert {(what, count) for what, _, count in told} == {("computing directions", 6)}  # two marches, three levels
+    grids = [steps for steps in told if steps[0] == "laying grids"]
+    assert grids == [("laying grids", k, 3) for k in range(4)]
+    assert {(what, count) for what, _, count in told[len(grids) :]} == {("computing directions", 6)}  # 2 of 3 levels
+    done = [steps[1] for steps in told[len(grids) :]]
     assert done == sorted(done)
     assert {*done} == {0, 3, 5, 6}  # from both exits, all levels are reached at once
 
