@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Iterator, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,10 +17,13 @@ from evac.building.plan.plan import Plan
 from evac.case.schema import DirectionSettings
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
-from evac.directions.routes import Route
+from evac.directions.lengths import ends_of_route, slowness_of
+from evac.directions.march.marching import Metric, march
+from evac.directions.quickest import Quickest
+from evac.directions.routes import QUICKEST, Route
 from evac.evidence.accuracy.reference import FINE, CleanWays, clean_ways, geodesics, refracted
 from evac.evidence.accuracy.trajectories import order_of
-from evac.evidence.evidence import Evidence, Row, new_figure
+from evac.evidence.evidence import Evidence, Row, new_figure, timed
 from evac.evidence.scenes import plugins
 from evac.evidence.verdicts import reported
 from evac.simulation.assembly import read_building
@@ -133,6 +136,9 @@ CLEARANCE = 0.25
 
 WALKED = Route(strategy="shortest")
 
+#: What is compared of the two solvers.
+MARCH_KEYS = ("mean error [mm]", "greatest error [mm]", "time [ms]")
+
 SECTION = "d. Travel times and directions against exact geodesics"
 
 
@@ -154,6 +160,7 @@ def run(evidence: Evidence) -> None:
     rows = evidence.measured(
         "fields", lambda: [row for plan in plans() for order in ORDERS for row in _time_rows(plan, spacings, order)]
     )
+    marches = evidence.measured("marches", lambda: [row for plan in plans() for row in _march_rows(plan, spacings)])
     angles = evidence.measured(
         "angles",
         lambda: [
@@ -162,20 +169,27 @@ def run(evidence: Evidence) -> None:
     )
     coarser = evidence.measured("clean_ways", lambda: _coarser_rows(plans(), clean(), _default_spacing(spacings)))
     orders = list(_order_rows(rows))
-    _judge(evidence, orders, angles, _default_spacing(spacings))
+    _judge(evidence, orders, marches, angles, _default_spacing(spacings))
     evidence.show(
-        "fields", __name__, angles=angles, coarser=coarser, finest=finest, orders=orders, points=points, rows=rows
-    )
+        "fields", __name__, angles=angles, coarser=coarser, finest=finest, marches=marches, orders=orders,
+        points=points, rows=rows,
+    )  # fmt: skip
 
 
 def _default_spacing(spacings: Sequence[float]) -> float:
     return min(spacings, key=lambda spacing: abs(spacing - DirectionSettings().spacing))
 
 
-def _judge(evidence: Evidence, orders: Sequence[Row], angles: Sequence[Row], spacing: float) -> None:
+def _judge(
+    evidence: Evidence, orders: Sequence[Row], marches: Sequence[Row], angles: Sequence[Row], spacing: float
+) -> None:
     second = [row["of the mean error"] for row in orders if row["order of the stencil"] == 2]
     text = f"{min(second):.2f} to {max(second):.2f}"
     evidence.verdict(reported("Travel times: order of the mean error, stencil of order 2", text, "-", SECTION))
+    ratios = [[row[f"compiled, {key}"] / row[f"scikit-fmm, {key}"] for row in marches] for key in MARCH_KEYS]
+    spans = (f"{min(some):.2f} to {max(some):.2f}" for some in ratios)
+    text = "; ".join(f"{key[:-5]} {span}" for key, span in zip(MARCH_KEYS, spans, strict=True))
+    evidence.verdict(reported("Compiled march divided by scikit-fmm", text, "-", SECTION))
     nearer = sum(row["ours, mean"] <= row["np.gradient, mean"] for row in angles)
     clear = [row["with clearance, mean"] for row in angles if row["spacing [m]"] == spacing]
     text = f"{nearer} of {len(angles)}; with clearance {min(clear):.2g} to {max(clear):.2g} degrees off"
@@ -214,6 +228,26 @@ def _time_rows(plan: TimedPlan, spacings: Sequence[float], order: int) -> Iterat
             "nodes": len(fields.packed.travel_time),
             "time [ms]": 1e3 * float(np.median(spans)),
         }
+
+
+def _march_rows(plan: TimedPlan, spacings: Sequence[float]) -> Iterator[Row]:
+    """Return a row per spacing: errors and times of scikit-fmm and of the compiled march, without other people."""
+    route, settings = Route(strategy=QUICKEST), DirectionSettings()
+    for spacing in spacings:
+        fields = build_fields(plan.building, [route], spacing=spacing, clearance=0.0, speeds=(1.0, 1.0, 1.0))
+        again, own = Quickest(fields, settings.quickest), fields.grids[0]
+        levels = set(range(len(own.grids.levels)))
+        metric = Metric(slowness_of(plan.building, np.ones(3), route), own.factor)
+        ends = ends_of_route(plan.building, route)
+        row: Row = {"plan": plan.name, "spacing [m]": spacing, "nodes": own.grids.size}
+        for name, solved, call in (
+            ("scikit-fmm", fields, partial(march, own.grids, metric, ends, settings.order)),
+            ("compiled", again.fields, partial(again.columns[0].solve, levels, levels, is_first=True)),
+        ):
+            error = np.abs(solved.travel_time_at(plan.level, plan.points, 0) - plan.time)
+            values = 1e3 * error.mean(), 1e3 * error.max(), 1e3 * timed(call).least
+            row |= {f"{name}, {key}": float(value) for key, value in zip(MARCH_KEYS, values, strict=True)}
+        yield row
 
 
 def _order_rows(rows: Sequence[Row]) -> Iterator[Row]:
