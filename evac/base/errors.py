@@ -103,8 +103,9 @@ def counted(number: int, singular: str, several: str = "") -> str:
 
 
 def some_of(people: Sequence[int]) -> str:
-    """Return the numbers of people as text, the first `MOST_NAMED` of them."""
-    return ", ".join(map(str, people[:MOST_NAMED])) + (", ..." if len(people) > MOST_NAMED else "")
+    """Return the numbers of people as text, the first `MOST_NAMED` of them, in words that tell them from counts."""
+    first = ", ".join(map(str, people[:MOST_NAMED])) + (", ..." if len(people) > MOST_NAMED else "")
+    return f"number{'s' * (len(people) > 1)} {first}"
 
 
 def in_order(things: Iterable[T], name: Callable[[T], str] = attrgetter("name")) -> list[T]:

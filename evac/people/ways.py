@@ -96,14 +96,14 @@ def cut_off(
         lost = group.rows[np.isfinite(since[group.rows]) & (crowd.level[group.rows] >= 0)]
         for time in np.unique(since[lost]).tolist():
             rows = lost[since[lost] == time]
-            levels = ", ".join(repr(building.levels[level].title) for level in np.unique(crowd.level[rows]).tolist())
+            titles = {repr(building.levels[level].title): None for level in np.unique(crowd.level[rows]).tolist()}
             routes = np.unique(crowd.route[rows]).tolist()
             ends = " or ".join(sorted({fields.routes[route].area or "any exit" for route in routes}))
             events = " and ".join(str(change) for change in changes if change.time == time)
             why = f" because of: {events}" if events else ""
             lines.append(
-                f"people.{group.name}: {counted(len(rows), 'person', 'people')} on {levels} cannot reach {ends} any "
-                f"more{why}; they stop: {some_of(rows.tolist())}"
+                f"people.{group.name}: {counted(len(rows), 'person', 'people')} on {', '.join(titles)} "
+                f"cannot reach {ends} any more{why}; they stop: {some_of(rows.tolist())}"
             )
     return tuple(lines)
 

@@ -185,7 +185,7 @@ class Simulation(Saved):
             everywhere = partial(solve, anywhere=True)
             keeps = any(behaviour.keeps_distance for behaviour in behaviours)
             self.scene = Scene(shared_scene, self.population, self.places, everywhere, case.directions.quickest, keeps)
-            self.timetable = Timetable(case.events, self.scene, case.source, bool(case.conditions))
+            self.timetable = Timetable(case, self.scene)
             self.lifts = assembly.make_lifts(case, self.scene)
             self.exposure = assembly.make_exposure(case, self.scene, self.population)
             self.safety = assembly.make_safety(case, shared_scene, self.population, self.exposure)

@@ -17,6 +17,7 @@ from evac.building.model.links import changed
 from evac.directions.routes import Route, changed_route
 
 if TYPE_CHECKING:
+    from evac.case.case import Case
     from evac.case.schema import EventSettings, WhenSettings
     from evac.people.places import Places
     from evac.simulation.scene import Scene
@@ -151,20 +152,21 @@ class Timetable(Saved):
 
     saved = ("_happens",)
 
-    def __init__(
-        self, events: "tuple[EventSettings, ...]", scene: "Scene", source: object, has_air: bool = False
-    ) -> None:
+    def __init__(self, case: "Case", scene: "Scene") -> None:
+        events = case.events
         self._events, self._scene = events, scene
         self._places = {event.name: k for k, event in enumerate(events) if event.name is not None}
         # the time at which each event happens, infinite if it is not known yet [s]
         self._happens = np.array([math.inf if event.time is None else event.time for event in events])
         problems: list[str] = []
-        for number, event in enumerate(events):
+        keys = [f"event.{number}" for number in range(len(case.event))]
+        keys += [f"phase.{phase.name}.of" for phase in case.phase for _ in phase.of]
+        for key, event in zip(keys, events, strict=True):
             try:
-                self._take(event, has_air)
+                self._take(event, bool(case.conditions))
             except EvacError as error:
                 text = str(error).removeprefix(f"{scene.building.source}: ")
-                problems.append(f"{source}: event.{number}: {text}")
+                problems.append(f"{case.source}: {key}: {text}")
         if problems:
             raise ScenarioError("\n".join(problems))
 

@@ -14,7 +14,7 @@ from evac.case.loading import as_case
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
 from evac.people.population import Group
-from evac.people.ways import check_ways, walked_lengths
+from evac.people.ways import check_ways, cut_off, walked_lengths
 from evac.physics.state import make_crowd
 from evac.physics.world import make_world
 from evac.simulation.simulation import Simulation
@@ -193,3 +193,20 @@ def test_a_walk_that_ends_within_a_cell_of_its_exit_has_arrived():
     away = replace(building, exits=(replace(building.exits[0], name="other"),))
     with pytest.raises(ScenarioError, match="they end at"):
         check(away, replace(fields, routes=(Route(("long",)),)), [[716.71, 1711.15]])
+
+
+def test_who_is_cut_off_on_a_stair_is_told_of_by_the_name_of_the_stair_once():
+    plan = Plan()
+    for name, z in (("ground", 0.0), ("first", 3.5)):
+        plan.storey(name, shapely.box(0.0, 0.0, 12.0, 8.0), z=z)
+    plan.exit("east", "ground", [(12, 1), (12, 2)])
+    plan.shaft("stair", "ground", "first", [(0, 3), (0, 4.2)], direction=(-1, 0), length=4.0, turn="left")
+    building = plan.building()
+    crowd = make_crowd(np.zeros((len(building.levels), 2)))
+    crowd.level[:] = np.arange(len(building.levels))
+    group = Group("visitors", np.arange(len(crowd.level), dtype=np.int32), {})
+    fields = build_fields(two_rooms(), ROUTES[:1])
+    (line,) = cut_off(building, fields, crowd, (group,), np.full(len(crowd.level), 5.0), [])
+    assert len(building.pieces_of("stair")) == 3
+    assert re.findall("'(.*?)'", line) == ["ground", "stair", "first"]
+    assert line.endswith("numbers 0, 1, 2, 3, 4")

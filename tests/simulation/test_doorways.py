@@ -49,7 +49,8 @@ def test_who_stands_in_a_closing_doorway_is_named_and_leaves_by_it_and_nobody_el
     assert len(on_line) == 2
     assert list(change.values["let_through"]) == on_line
     assert results.summary()["changes"][0]["values"] == {"let_through": on_line}
-    assert any("'west'" in warning and str(on_line[0]) in warning for warning in results.warnings)
+    numbers = f"numbers {on_line[0]}, {on_line[1]}"
+    assert any("'west'" in warning and numbers in warning for warning in results.warnings)
     later = (results.crowd.exit_used == way.index) & (results.crowd.exit_time > CLOSES)
     assert np.flatnonzero(later).tolist() == on_line
     assert results.ended == "everybody out"

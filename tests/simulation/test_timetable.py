@@ -414,9 +414,12 @@ def test_events_that_say_nothing_possible_are_refused_with_their_key(wrong, word
 
 
 def test_all_events_of_what_the_building_has_not_are_refused_at_once_with_their_keys():
-    case = house(event("close", "mian", 5.0), event("close", "main", 5.0), event("one_way", "a", 5.0, value="west"))
+    events = event("close", "mian", 5.0), event("close", "main", 5.0), event("one_way", "a", 5.0, value="west")
+    phase = {"name": "p", "of": ["first", "frist"]}
+    case = house(*events, phase=[phase], **{"behaviours.response_time.time": 1.0})
     with pytest.raises(ScenarioError) as caught:
         simulation_of(case)
-    lines = str(caught.value).splitlines()
-    assert [line.removeprefix(f"{case.source}: ")[:8] for line in lines] == ["event.0:", "event.2:"]
+    lines = [line.removeprefix(f"{case.source}: ") for line in str(caught.value).splitlines()]
+    assert [line.split(": ")[0] for line in lines] == ["event.0", "event.2", "phase.p.of"]
     assert "'main'" in lines[0]
+    assert "'frist'" in lines[2]
