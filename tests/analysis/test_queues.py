@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from evac.analysis.lines import link_flows, recorded_moves
+from evac.analysis.measures import records
 from evac.analysis.queues import find_queues
 
 
@@ -43,8 +44,15 @@ def test_stairs_are_causes_the_longest_queue_first(written):
     assert sum(queue.share for queue in queues) == pytest.approx(1.0)
 
 
-def test_a_queue_goes_on_to_what_is_passed_later_while_those_beyond_wait(written):
-    """One walks down a stair, stands on it, and then before the door; the other stands above the stair meanwhile."""
+@pytest.mark.parametrize("rows", [100_000, 1])
+def test_a_queue_goes_on_to_what_is_passed_later_while_those_beyond_wait(written, monkeypatch, rows):
+    """One walks down a stair, stands on it, and then before the door; the other stands above the stair meanwhile.
+
+    They are found in one pass, in parts of any size.
+    """
+    passes = []
+    monkeypatch.setattr("evac.analysis.measures.MOST_ROWS", rows)
+    monkeypatch.setattr("evac.analysis.queues.records", lambda *given: passes.append(given) or records(*given))
     stops = [(14.5, 2, 3), (13.5, 1, 7), (9.5, 0, 5), (1.0, 0, 1), (1.0, -1, 8)]  # x, level, frames
     first = [[x, 1.0] for x, _, frames in stops for _ in range(frames)]
     levels = [level for _, level, frames in stops for _ in range(frames)]
@@ -53,10 +61,11 @@ def test_a_queue_goes_on_to_what_is_passed_later_while_those_beyond_wait(written
         np.stack([first, [[x, 1.0] for x, _ in after]], axis=1), np.stack([levels, [at for _, at in after]], axis=1)
     )
     queues = {queue.cause: queue for queue in queues_of(trajectory)}
-    at = {cause: queue.at_once[[1, 6, 12, 17]].tolist() for cause, queue in queues.items()}
-    assert at == {"stair 'lower'": [1, 2, 0, 0], "exit 'door'": [0, 0, 2, 1]}
+    at = {cause: queue.at_once[[1, 6, 10, 12, 17]].tolist() for cause, queue in queues.items()}
+    assert at == {"stair 'lower'": [1, 2, 0, 0, 0], "exit 'door'": [0, 0, 1, 2, 1]}
     door = queues["exit 'door'"]
     assert (door.most, door.time, door.level, door.tail, door.most_on) == (2, 11.0, "floor 0", "floor 1", "floor 1")
+    assert len(passes) == 1
 
 
 def test_nobody_waits_before_the_response_time(written):

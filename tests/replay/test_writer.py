@@ -39,6 +39,22 @@ def test_states_are_chosen_by_time(descent, monkeypatch):
     assert replay_trajectory(trajectory, path.with_name("large.html")) == 4  # 0, 1.5, 3 and 4 s
 
 
+def test_fast_compression_makes_pages_hardly_larger(written):
+    """Streams in which sequences repeat, such as the waiting times in a queue, are compressed with all effort."""
+    random, frames, people = np.random.default_rng(1), 200, 60
+    way = 0.5 * random.uniform(0.8, 1.4, people) + 0.02 * random.normal(size=(frames, people))
+    way[:, ::3] = 0.0
+    x = np.cumsum(way, axis=0)
+    y = np.arange(people) / 10.0 + 0.02 * np.cumsum(random.normal(size=(frames, people)) * (way > 0.0), axis=0)
+    streams = packed(written(np.stack([x, y], axis=2), interval=0.5)).streams()
+    data = {name: zlib.decompress(stream) for name, stream in streams.items()}
+    least = {name: len(zlib.compress(values, 9)) for name, values in data.items()}
+    assert len(data["steps"]) >= 2 * frames * people
+    assert sum(map(len, streams.values())) <= 1.03 * sum(least.values())
+    for name in ("events", "waited"):
+        assert len(streams[name]) <= least[name] < 0.5 * len(data[name])
+
+
 @pytest.mark.parametrize(
     ("name", "text"),
     [

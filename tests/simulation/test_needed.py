@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from evac.case.loading import load_case
+from evac.directions.march.waves import march_waves
 from evac.directions.routes import STRATEGIES, Route
 from evac.simulation.checkpoints import kernels_of
-from evac.simulation.needed import needed_routes
+from evac.simulation.needed import needed_routes, run_kernels
 from evac.simulation.simulation import Simulation
 
 
@@ -86,3 +87,14 @@ def test_full_is_told_as_it_was_done():
 def test_kernels_of_behaviours_are_loaded_at_the_start_and_named_by_checkpoints():
     _, simulation = plan_of("square_room", {"behaviours.headway": {}})
     assert any(label.startswith("evac_plugins.behaviour_headway.") for label in kernels_of(simulation))
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_loaded"),
+    [({}, False), ({"people.people.strategy": "quickest"}, True), ({"behaviours.walking": {}}, True)],
+)
+def test_the_march_of_ways_that_follow_the_crowd_is_loaded_where_there_are_such_ways(changes, is_loaded):
+    _, simulation = plan_of("square_room", changes)
+    behaviours = [behaviour for behaviour, _ in simulation.behaviours]
+    parts = type(simulation.engine), simulation.building, simulation.contact, simulation.forces, behaviours
+    assert (march_waves in run_kernels(simulation.case, *parts, full=False)) == is_loaded
