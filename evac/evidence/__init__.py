@@ -3,6 +3,7 @@
 #: Kinds of evidence: each is computed by ``run(evidence)`` of ``page`` in the package of its name.
 KINDS = (
     "accuracy",
+    "directions",
     "stability",
     "lean",
     "table3",

@@ -12,7 +12,6 @@ from scipy import sparse
 
 from evac.directions.build import BEND
 from evac.evidence.accuracy import targets
-from evac.evidence.accuracy.fields import _fields, _march_rows, angles_between, l_corner, plain_directions, stair
 from evac.evidence.accuracy.peer import INERTIAL, OVERDAMPED, compare
 from evac.evidence.accuracy.problems import LAWS, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy.reference import (
@@ -38,6 +37,7 @@ from evac.evidence.accuracy.trajectories import (
     shifts_of,
     walked,
 )
+from evac.evidence.directions.page import angles_between, l_corner, stair
 from evac.evidence.evidence import Evidence
 from evac.evidence.scenes import plugins
 
@@ -116,12 +116,6 @@ def test_refraction_obeys_snell_and_equals_a_straight_line_at_equal_speeds():
     assert direction[0] == pytest.approx((crossing - point[0]) / np.hypot(*(crossing - point[0])), abs=1e-4)
     beyond = np.array([7.0, 1.0]) - crossing
     assert direction[0, 1] == pytest.approx(1.2 * beyond[1] / np.hypot(*beyond), abs=1e-4)
-
-
-def test_no_direction_counts_as_the_opposite_one():
-    one = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
-    other = np.array([[0.0, 1.0], [1.0, 0.0], [0.0, 1.0]])
-    assert angles_between(one, other) == pytest.approx([90.0, 180.0, 0.0])
 
 
 SOLVERS = tuple(plugins().solvers)
@@ -240,22 +234,6 @@ def test_places_of_starts_fall_everywhere_in_a_step_whatever_the_step():
 def test_order_of_a_power_law():
     steps = [0.1, 0.05, 0.025]
     assert order_of(steps, [3.0 * h**2 for h in steps]) == pytest.approx(2.0)
-
-
-def test_plain_gradients_point_straight_where_no_wall_is_near():
-    plan = l_corner(60, np.random.default_rng(0))
-    fields = _fields(plan, 0.1, 2)
-    clear = (plan.points[:, 0] > 3.0) & (plan.wall_distance > 0.5)
-    assert clear.any()
-    assert plain_directions(fields, plan)[clear, 0] == pytest.approx(1.0, abs=0.01)
-
-
-def test_both_solvers_come_closer_to_exact_travel_times_on_finer_grids():
-    """They are two solvers: the second does not have the errors of the first."""
-    coarse, fine = _march_rows(stair(60, np.random.default_rng(0)), (0.1, 0.05))
-    for name in ("scikit-fmm", "compiled"):
-        assert 0.0 < fine[f"{name}, mean error [mm]"] < 0.75 * coarse[f"{name}, mean error [mm]"] < 20.0
-    assert fine["compiled, mean error [mm]"] != fine["scikit-fmm, mean error [mm]"]
 
 
 def projection(step, discs, contacts, desired):

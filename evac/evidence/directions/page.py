@@ -1,4 +1,4 @@
-"""Accuracy, part d: travel times and directions against exact geodesics, over grid spacing and order."""
+"""Evidence of directions: travel times and directions against exact paths, over grid spacing and order."""
 
 import math
 import time
@@ -139,11 +139,13 @@ WALKED = Route(strategy="shortest")
 #: What is compared of the two solvers.
 MARCH_KEYS = ("mean error [mm]", "greatest error [mm]", "time [ms]")
 
-SECTION = "d. Travel times and directions against exact geodesics"
+SECTION = "Travel times"
+MARCHES = "scikit-fmm and the compiled march"
+ANGLES = "Directions"
 
 
 def run(evidence: Evidence) -> None:
-    """Add part d to the page."""
+    """Measure all parts and write the page."""
     points = 120 if evidence.quick else 600
     spacings = SPACINGS[:2] if evidence.quick else SPACINGS
     finest = 2.0 * FINE if evidence.quick else FINE  # spacing of the independent solution [m]
@@ -174,6 +176,7 @@ def run(evidence: Evidence) -> None:
         "fields", __name__, angles=angles, coarser=coarser, finest=finest, marches=marches, orders=orders,
         points=points, rows=rows,
     )  # fmt: skip
+    evidence.write_page(__name__)
 
 
 def _default_spacing(spacings: Sequence[float]) -> float:
@@ -189,11 +192,11 @@ def _judge(
     ratios = [[row[f"compiled, {key}"] / row[f"scikit-fmm, {key}"] for row in marches] for key in MARCH_KEYS]
     spans = (f"{min(some):.2f} to {max(some):.2f}" for some in ratios)
     text = "; ".join(f"{key[:-5]} {span}" for key, span in zip(MARCH_KEYS, spans, strict=True))
-    evidence.verdict(reported("Compiled march divided by scikit-fmm", text, "-", SECTION))
+    evidence.verdict(reported("Compiled march divided by scikit-fmm", text, "-", MARCHES))
     nearer = sum(row["ours, mean"] <= row["np.gradient, mean"] for row in angles)
     clear = [row["with clearance, mean"] for row in angles if row["spacing [m]"] == spacing]
     text = f"{nearer} of {len(angles)}; with clearance {min(clear):.2g} to {max(clear):.2g} degrees off"
-    evidence.verdict(reported("Directions more accurate than np.gradient", text, "-", SECTION))
+    evidence.verdict(reported("Directions more accurate than np.gradient", text, "-", ANGLES))
 
 
 def _coarser_rows(plans: Sequence[TimedPlan], clean: Sequence[tuple[CleanWays, ...]], spacing: float) -> Iterator[Row]:

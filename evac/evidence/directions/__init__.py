@@ -1,0 +1,1 @@
+"""Directions: travel times and directions of both solvers against exact paths."""
