@@ -130,12 +130,18 @@ def _name_parts(axes: Axes, building: Building, levels: Sequence[Level]) -> None
 
 
 def _numbered(figure: Figure, axes: Axes, places: list[list[tuple[int, Finding]]]) -> list[Bbox]:
-    """Mark findings with rings and numbers that cover neither each other nor names of exits; return the boxes."""
+    """Mark findings with rings and numbers that cover neither each other nor names of exits; return the boxes.
+
+    Names of exits and places that are longer than the plan get smaller letters, and those that cover others are moved.
+    """
     axes.apply_aspect()
     renderer, taken = FigureCanvasAgg(figure).get_renderer(), list[Bbox]()
     for text in (text for text in axes.texts if text.get_text() and _rank(text) == 0):
+        room = 0.95 * axes.bbox.size / text.get_window_extent(renderer).size  # letters have whole pixels
+        text.set_fontsize(text.get_fontsize() * min(1.0, *room))
         _move_inside(axes, text, text.get_window_extent(renderer))
-        taken.append(text.get_window_extent(renderer))
+        box = text.get_window_extent(renderer)
+        taken.append(_moved_free(axes, text, box, taken) if box.count_overlaps(taken) else box)
     rings = [_draw_ring(axes, findings) for findings in places]
     middles = axes.transData.transform(np.reshape([ring.xy for ring in rings], (-1, 2)))
     taken += [Bbox([middle - RING, middle + RING]) for middle in middles]
