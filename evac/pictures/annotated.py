@@ -137,7 +137,7 @@ def _numbered(figure: Figure, axes: Axes, places: list[list[tuple[int, Finding]]
     axes.apply_aspect()
     renderer, taken = FigureCanvasAgg(figure).get_renderer(), list[Bbox]()
     for text in (text for text in axes.texts if text.get_text() and _rank(text) == 0):
-        room = 0.95 * axes.bbox.size / text.get_window_extent(renderer).size  # letters have whole pixels
+        room = 0.95 * np.divide(axes.bbox.size, text.get_window_extent(renderer).size)  # letters have whole pixels
         text.set_fontsize(text.get_fontsize() * min(1.0, *room))
         _move_inside(axes, text, text.get_window_extent(renderer))
         box = text.get_window_extent(renderer)

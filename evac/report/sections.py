@@ -46,6 +46,8 @@ def plan_section(building: Building | None, changes: Sequence[Change], case: Bui
         return section("building", "Building", building=None, is_missing=True)
     levels = building.levels
     states = [_in_words(changes) for changes in states_of(building, changes)]
+    for link, control in building.controlled.items():
+        states[link] += f"; {control}"
     return section(
         "building",
         "Building",
