@@ -198,7 +198,8 @@ def import_building(
         if not made.is_accepted:
             made = replace(made, fault="the building is incomplete")
         else:
-            made = replace(made, fault=_fault(draft, place, registry) if written.exits else "there is no exit")
+            fault = _fault(draft, made, registry, CASE in changed) if written.exits else "there is no exit"
+            made = replace(made, fault=fault)
         produced = {building.name, *([CASE] if made.is_accepted else [])}
         digests = {name: digest_of_file(draft / name)[:16] if name in produced else "none" for name in (CASE, PLAN)}
         (draft / REPORT).write_text(report_text(made, digests | changed), encoding="utf-8", errors="replace")
@@ -418,15 +419,18 @@ def _chosen(numbers: Sequence[int], openings: Sequence[Opening]) -> list[Opening
     return [openings[number - 1] for number in sorted(set(numbers))]
 
 
-def _fault(draft: Path, folder: Path, registry: Registry) -> str:
-    """Return why the case in a draft of a folder cannot be run; empty if it can."""
+def _fault(draft: Path, made: Imported, registry: Registry, is_changed: bool) -> str:
+    """Return why the case in a draft cannot be run; empty if it can. One that is changed may have another building."""
     from evac.case.loading import load_case
+    from evac.simulation.assembly import make_shared_scene
     from evac.simulation.simulation import Simulation
 
     try:
-        Simulation(load_case(draft, registry=registry), will_run=False)
+        case = load_case(draft, registry=registry)
+        scene = None if is_changed else make_shared_scene(case, made.building)
+        Simulation(case, shared_scene=scene, will_run=False)
     except EvacError as error:
-        return str(error).replace(str(draft.resolve()), str(folder))
+        return str(error).replace(str(draft.resolve()), str(made.folder))
     return ""
 
 

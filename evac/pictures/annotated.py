@@ -11,9 +11,8 @@ import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 from shapely.geometry.base import BaseGeometry
@@ -39,6 +38,8 @@ MARK |= {"repaired": "#1f77b4", "assumed": "#b8860b"}
 
 #: Half the width of the ring at a finding [pixels], and how far texts are moved off others, in halves of their size.
 RING, REACH = 8.0, 6
+#: Area of a letter of the names of areas [points2]: an area that is smaller than its name has none.
+LETTER = 29.0
 #: Background of names.
 PAPER = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7}
 
@@ -75,7 +76,8 @@ def levels_figure(
     """Return the plan of every storey: walls, portals, exits, doors, areas and stairs, with names and widths.
 
     Stairs are drawn with the storey that they lead up from. Findings other than those of kind "found" are marked with
-    numbers at their places and listed below; those that repeat each other have one number.
+    numbers at their places and listed below; those that repeat each other have one number. Areas that are smaller on
+    the picture than their names have none.
     """
     plans = draw_plans(building, title, side=MARGIN, has_widths=True, greatest=greatest, part=part)
     groups = listed(findings)
@@ -110,16 +112,19 @@ def _show_coordinates(axes: Axes) -> None:
 def _name_parts(axes: Axes, building: Building, levels: Sequence[Level]) -> None:
     """Draw areas, doors and the ways up stairs, and the names of all of them."""
     rows = [level.index for level in levels]
-    for area in building.areas:
-        if area.level in rows:
-            style = {"facecolor": AREA, "edgecolor": AREA, "alpha": 0.12, "lw": 0.8, "ls": ":"}
-            axes.add_patch(PathPatch(outline_of(area.polygon), **style))
-            _name(axes, area.polygon, f"{area.name}\n{area.polygon.area:.1f} m2", AREA)
-    for door in building.doors:
-        if door.level in rows:
-            _line(axes, door.segment, palette.PORTAL, 0.8)
-            beside(axes, door.segment[None], f"{door.name} {door.width:.2f} m", palette.EDGE)
-            axes.texts[-1].set_bbox(PAPER)  # it lies over walls of small rooms
+    areas = [area for area in building.areas if area.level in rows]
+    outlines = [outline_of(area.polygon) for area in areas]
+    axes.add_collection(PathCollection(outlines, color=AREA, alpha=0.12, linewidths=0.8, linestyles=":"))
+    scale = 72.0 / axes.figure.dpi * axes.bbox.width / np.ptp(axes.get_xlim())
+    for area in areas:
+        lines = area.name, f"{area.polygon.area:.1f} m2"
+        if scale**2 * area.polygon.area > len(lines) * LETTER * max(map(len, lines)):
+            _name(axes, area.polygon, "\n".join(lines), AREA)
+    doors = [door for door in building.doors if door.level in rows]
+    _line(axes, np.array([door.segment for door in doors]), palette.PORTAL, 0.8)
+    for door in doors:
+        beside(axes, door.segment[None], f"{door.name} {door.width:.2f} m", palette.EDGE)
+        axes.texts[-1].set_bbox(PAPER)  # it lies over walls of small rooms
     for level in levels:
         if level.kind == "flight":
             _arrow(axes, level)
@@ -139,8 +144,7 @@ def _numbered(figure: Figure, axes: Axes, places: list[list[tuple[int, Finding]]
     for text in (text for text in axes.texts if text.get_text() and _rank(text) == 0):
         room = 0.95 * np.divide(axes.bbox.size, text.get_window_extent(renderer).size)  # letters have whole pixels
         text.set_fontsize(text.get_fontsize() * min(1.0, *room))
-        _move_inside(axes, text, text.get_window_extent(renderer))
-        box = text.get_window_extent(renderer)
+        box = _moved_inside(axes, text, text.get_window_extent(renderer))
         taken.append(_moved_free(axes, text, box, taken) if box.count_overlaps(taken) else box)
     rings = [_draw_ring(axes, findings) for findings in places]
     middles = axes.transData.transform(np.reshape([ring.xy for ring in rings], (-1, 2)))
@@ -169,8 +173,7 @@ def _keep_apart(figure: Figure, axes: Axes, taken: list[Bbox]) -> None:
     renderer = FigureCanvasAgg(figure).get_renderer()
     written = [*taken]
     for text in sorted((text for text in axes.texts if text.get_text() and _rank(text)), key=_rank):
-        _move_inside(axes, text, text.get_window_extent(renderer))
-        box = text.get_window_extent(renderer)
+        box = _moved_inside(axes, text, text.get_window_extent(renderer))
         if _rank(text) in (1, 3):  # of stairs and areas, which may be written anywhere near
             box = _moved_free(axes, text, box, written)
         text.set_visible(not box.count_overlaps(written))
@@ -183,12 +186,13 @@ def _rank(text: Text) -> int:
     return {palette.TEXT: 1, palette.EDGE: 4 if is_width else 2, AREA: 3}.get(str(text.get_color()), 0)
 
 
-def _move_inside(axes: Axes, text: Text, box: Bbox) -> None:
-    """Move a text by as much as its box [pixels] is outside a plan."""
+def _moved_inside(axes: Axes, text: Text, box: Bbox) -> Bbox:
+    """Move a text by as much as its box [pixels] is outside a plan; return its box then."""
     frame = axes.bbox
     dx = max(frame.x0 - box.x0, 0.0) - max(box.x1 - frame.x1, 0.0)
     dy = max(frame.y0 - box.y0, 0.0) - max(box.y1 - frame.y1, 0.0)
     _shift(axes, text, dx, dy)
+    return box.translated(dx, dy)
 
 
 def _shift(axes: Axes, text: Text, dx: float, dy: float) -> None:

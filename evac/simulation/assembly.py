@@ -146,9 +146,9 @@ def make_contact_model(case: "Case") -> "ContactModel":
     return made
 
 
-def make_shared_scene(case: "Case") -> SharedScene:
-    """Return building and directions of a case, as its simulation computes them in one process."""
-    building = make_building(case)
+def make_shared_scene(case: "Case", building: "Building | None" = None) -> SharedScene:
+    """Return building and directions of a case, as its simulation computes them; `building`: without its places."""
+    building = make_building(case) if building is None else with_places(case, building)
     check_people(case, building)
     case = with_numbers(case, building)
     with naming(case.source):

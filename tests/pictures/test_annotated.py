@@ -29,14 +29,8 @@ def test_floors_at_one_height_are_a_storey_with_the_stairs_up_from_it(building):
     [("first", (1.0, 1.0), 1), (None, (1.0, 5.0, 0.1), 0), (None, (1.0, 5.0, 2.9), 1), (None, (15.0, 1.0), 2)],
 )
 def test_a_finding_is_marked_on_its_storey(building, level, place, panel):
-    assert (
-        panel_of(
-            building,
-            [[level.index for level in own] for _, own in building.storeys],
-            Finding("warning", "odd", level, place),
-        )
-        == panel
-    )
+    panels = [[level.index for level in own] for _, own in building.storeys]
+    assert panel_of(building, panels, Finding("warning", "odd", level, place)) == panel
 
 
 def test_numbers_and_names_do_not_cover_each_other(building):
@@ -93,15 +87,18 @@ def test_marks_and_findings_are_in_the_picture(building, tmp_path):
     assert "a door" not in text
 
 
-def test_doors_between_rooms_are_in_the_picture_with_their_widths(tmp_path):
+def test_doors_with_their_widths_and_areas_larger_than_their_names_are_named_in_the_picture(tmp_path):
     plan = Plan()
     plan.storey("ground", [shapely.box(0, 0, 5, 4), shapely.box(5.2, 0, 9, 4)])
     plan.door("inner", "ground", [(5.1, 1), (5.1, 1.95)])
+    plan.area("hall", "ground", shapely.box(0, 0, 5, 4))
+    plan.area("a cupboard under the stairs", "ground", shapely.box(8.6, 3.6, 9, 4))
     import matplotlib as mpl
 
     with mpl.rc_context({"svg.fonttype": "none"}):
         draw_levels(plan.building(need_exit=False), tmp_path / "a.svg")
-    assert "inner 0.95 m" in (tmp_path / "a.svg").read_text(encoding="utf-8")
+    text = (tmp_path / "a.svg").read_text(encoding="utf-8")
+    assert [word in text for word in ("inner 0.95 m", "hall", "cupboard")] == [True, True, False]
 
 
 def test_a_finding_off_the_plan_is_marked_at_its_border(building):
