@@ -80,19 +80,20 @@ def ground_of(vertices: FloatArray, level: Level) -> Ground:
     gradient = np.tan(level.slope) * level.uphill
     off = own[:, 2] - own[0, 2] - (own[:, :2] - own[0, :2]) @ gradient
     if np.abs(off).max() <= PLANE:
-
-        def on_plane(position: FloatArray) -> FloatArray:
-            height: FloatArray = own[0, 2] + (position - own[0, :2]) @ gradient
-            return height
-
-        return on_plane
+        return partial(_on_plane, own[0], gradient)
     corners = vertices[level.triangles]
-    cells = shapely.STRtree(shapely.polygons(corners[:, :, :2]))
+    return partial(_on_cells, corners, shapely.STRtree(shapely.polygons(corners[:, :, :2])))
 
-    def on_cells(position: FloatArray) -> FloatArray:
-        a, b, c = corners[cells.nearest(shapely.points(position))].transpose(1, 0, 2)
-        normal = np.cross(b - a, c - a)
-        height: FloatArray = a[:, 2] - ((position - a[:, :2]) * normal[:, :2]).sum(axis=1) / normal[:, 2]
-        return height
 
-    return on_cells
+def _on_plane(corner: FloatArray, gradient: FloatArray, position: FloatArray) -> FloatArray:
+    """Return the heights of points on the plane through a corner (3,) with a gradient (2,)."""
+    height: FloatArray = corner[2] + (position - corner[:2]) @ gradient
+    return height
+
+
+def _on_cells(corners: FloatArray, cells: shapely.STRtree, position: FloatArray) -> FloatArray:
+    """Return the heights of points on the nearest of the cells with these corners (t, 3, 3)."""
+    a, b, c = corners[cells.nearest(shapely.points(position))].transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    height: FloatArray = a[:, 2] - ((position - a[:, :2]) * normal[:, :2]).sum(axis=1) / normal[:, 2]
+    return height
