@@ -528,9 +528,8 @@ def choose_heading(world, crowd, sights, seen, motion, rule, length, i):
                 way = speed * rule.horizon + crowd.contact_radius[i]
                 x, y = sights.position[i, 0], sights.position[i, 1]
                 way = free_of_walls(world, sights.level[i], x, y, cx, cy, way)
-                column = column_of(world.fields, crowd.route[i], crowd.contact_radius[i])
                 speed = min(speed, max(way - crowd.contact_radius[i], 0.0) / rule.horizon)
-                if leads_back(world, sights.level[i], x, y, cx, cy, way, column):
+                if leads_back(world, crowd, sights.level[i], x, y, cx, cy, way, i):
                     continue
             if max(speed, 0.0) * cosine > best:
                 best, fastest, bx, by = max(speed, 0.0) * cosine, speed, cx, cy

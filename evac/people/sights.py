@@ -242,14 +242,15 @@ def free_of_walls(world, level, x, y, cx, cy, way):
 
 
 @inner
-def leads_back(world, level, x, y, cx, cy, way, column):
-    """Return whether the line of a length passes a portal from behind which the way of a column leads back."""
+def leads_back(world, crowd, level, x, y, cx, cy, way, i):
+    """Return whether the line of a length passes a portal from behind which the way of person i leads back."""
     segment = world.link_segment
     for s in range(world.link_start[level], world.link_start[level + 1]):
         share = crossing(segment, s, x, y, x + way * cx, y + way * cy, 0.0)
         if share < 0.0 or world.link_to[s] < 0:
             continue
         px, py = x + share * way * cx, y + share * way * cy
+        column = column_of(world.fields, crowd.route[i], crowd.contact_radius[i])
         ex, ey = sample_direction(world.fields, px, py, world.link_to[s], column)
         if side_of(segment[s, 0], segment[s, 1], segment[s, 2], segment[s, 3], px + ex, py + ey) > 0.0:
             return True
