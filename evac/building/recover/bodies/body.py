@@ -120,9 +120,8 @@ class Body:
             lone = (is_above == (is_above.sum(axis=1) == 1)[:, None]).argmax(axis=1)
             start, others = corners[rows, None, lone], corners[rows[:, None], OTHERS[lone]]
             share = (z - start[..., 2:]) / (others[..., 2:] - start[..., 2:])
-            lines = shapely.linestrings((start + share * (others - start))[..., :2])
-            noded = shapely.union_all(lines, grid_size=0.1 * MILLIMETRE)
-            found.append(flat_parts(shapely.build_area(noded)))
+            lines = shapely.linestrings(np.round((start + share * (others - start))[..., :2], 4))
+            found.append(flat_parts(shapely.build_area(shapely.union_all(lines))))
         return found
 
     def rectangle(self) -> FloatArray | None:

@@ -174,8 +174,9 @@ def _fit(body: Body, corners: FloatArray, floor: Floor, ground: BaseGeometry, hu
         a, b, c, d = np.roll(corners, -side, axis=0)
         ends = np.array([(a + d) / 2, (b + c) / 2])
         width, depth = float(np.hypot(*(ends[1] - ends[0]))), float(np.hypot(*(d - a)))
-        along = (ends[1] - ends[0]) / max(width, 1e-9)
-        reach = depth / 2 + BEHIND
+        if width < NARROWEST:
+            continue
+        along, reach = (ends[1] - ends[0]) / width, depth / 2 + BEHIND
         parts = {(0.0, width), *_beside(ground, ends, reach)}
         for start, end, less in ((*part, less) for less in SHORTENED for part in sorted(parts)):
             if end - start - 2 * less < NARROWEST:
