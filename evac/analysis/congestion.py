@@ -51,25 +51,12 @@ class Congestion:
 def find_congestion(
     trajectory: Trajectory, density: float = DENSITY, least_time: float | None = None, *, spacing: float = SPACING
 ) -> Congestion:
-    """Find places where the density exceeded a threshold for longer than a time.
+    """Find places where the density exceeded a threshold [1/m2] for longer than a time [s], by default `SHARE` of the
+    record.
 
-    The density is that of `evac.analysis.maps.LevelMaps`. Its value at a recorded time is used until the next one.
+    The density is that of `evac.analysis.maps.LevelMaps` in cells of a spacing [m]. Its value at a recorded time is
+    used until the next one. Times may have interruptions, and cells that touch, also at corners, form one place.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-    density : float [1/m2]
-    least_time : float, optional [s]
-        Total time, possibly with interruptions. By default `SHARE` of the recorded time.
-    spacing : float [m]
-        Side length of the cells.
-
-    Notes
-    -----
-    Congested cells that touch, also at corners, form one place.
-
-    Examples
-    --------
     >>> find_congestion(evac.read_trajectory("school-result"), 4.0, 10.0).places  # doctest: +SKIP
     """
     watched = Exceedance(trajectory, density)

@@ -171,36 +171,20 @@ Passages = tuple[IntArray, FloatArray, NDArray[np.bool_]]
 
 @dataclass(frozen=True)
 class LineFlow:
-    """The passages through a line.
+    """The m passages through a line, in order of time."""
 
-    Attributes
-    ----------
-    kind : str
-        ``"exit"``, ``"portal"``, ``"door"`` or ``"line"``.
-    name : str
-    levels : tuple of int
-        Level of the line, or both levels of a portal.
-    segments : (s, 4) float64 [m]
-    width : float [m]
-    directions : (str, str)
-        Names of the directions forward and back: forward is out through an exit, from the first to the second level of
-        a portal, and to the left of a door or a line, seen from its first end to its second one.
-    person : (m,) int32
-        Index of the person of each passage, in order of time.
-    time : (m,) float64 [s]
-        Of exits and portals exact, of doors and lines as `line_flows` gives it.
-    forward : (m,) bool
-    """
-
-    kind: str
+    kind: str  # "exit", "portal", "door" or "line"
     name: str
-    levels: tuple[int, ...]
-    segments: FloatArray = field(repr=False)
-    width: float
+    levels: tuple[int, ...]  # level of the line, or both levels of a portal
+    segments: FloatArray = field(repr=False)  # (s, 4) [m]
+    width: float  # [m]
+    # names of forward and back: forward is out through an exit, from the first to the second level of a portal, and to
+    # the left of a door or a line, seen from its first end to its second one
     directions: tuple[str, str]
-    person: IntArray = field(repr=False)
+    person: IntArray = field(repr=False)  # (m,): index of the person
+    # (m,) [s]: of exits and portals exact, of doors and lines as `line_flows` gives it
     time: FloatArray = field(repr=False)
-    forward: NDArray[np.bool_] = field(repr=False)
+    forward: NDArray[np.bool_] = field(repr=False)  # (m,)
 
     @property
     def people(self) -> int:

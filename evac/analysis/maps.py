@@ -161,28 +161,13 @@ def level_maps(
     end: float | None = None,
     watch: Callable[[Level, Grid, FloatArray], Densities] | None = None,
 ) -> Mapping[str, LevelMaps]:
-    """Compute the maps of levels.
+    """Compute the maps of levels, given by names or indices, with the cars of lifts that stop there; by default of all.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-    levels : iterable of str or int, optional
-        Names or indices of levels, with which the cars of lifts that stop there come; by default all.
-    spacing : float [m]
-        Side length of the cells.
-    kernel_radius : float [m]
-        Radius R of the Gaussian kernel for densities, speeds and flows.
-    waiting_speed : float [m/s]
-        People slower than this count as waiting.
-    start, end : float [s], optional
-        Use only the recorded times from `start` to `end`. With a single recorded time, maps of density, speed and flow
-        are those at that time.
-    watch : callable, optional
-        Gets a level, its grid and the recorded times, and returns the `Densities` to which people are added; see
-        `evac.analysis.congestion.Exceedance`.
+    `spacing` is the side of the cells [m], `kernel_radius` that of the Gaussian kernel for densities, speeds and flows
+    [m]. People slower than `waiting_speed` [m/s] count as waiting. The recorded times are those from `start` to `end`
+    [s]; a single one has maps of density, speed and flow. `watch` gets a level, its grid and the recorded times, and
+    returns the `Densities` to which people are added, see `evac.analysis.congestion.Exceedance`.
 
-    Examples
-    --------
     >>> maps = level_maps(evac.read_trajectory("school-result"), ["ground"])["ground"]  # doctest: +SKIP
     >>> maps.density.shape, np.nanmax(maps.max_density)  # doctest: +SKIP
     """

@@ -41,58 +41,29 @@ class Queue:
     Waiting is that of `evac.analysis.measures.Measures`. People wait for what they pass next; if those who have just
     passed it wait as well, for what they pass after that, and so on to the place beyond which people walk on. Those
     who pass nothing any more wait for what is nearest to them. Whom smoke alone makes as slow waits because of smoke.
-
-    Attributes
-    ----------
-    kind : str
-        ``"exit"``, ``"door"``, ``"stair"``, ``"shaft"`` of several stairs, ``"portal"`` between floors, ``"level"``
-        without any of these, or ``"smoke"`` on a level, which may be irritants.
-    name : str
-    level : str
-        Level of its head at `time`.
-    x, y : float [m]
-        Middle of what is passed there; of a level and smoke the mean position of those who waited.
-    tail : str
-        Floor or stair of the last in the queue at `time`.
-    most_on : str
-        Floor or stair on which most of the time was waited.
-    people : int
-        Number of different people who waited.
-    waited : float [s]
-        Sum of the times for which they waited.
-    share : float
-        The same over all waiting of the run.
-    most : int
-        Greatest number who waited at once.
-    time : float [s]
-        When that was first.
-    start, end : float [s]
-        First and last time at which a tenth of `most` waited.
-    blocker : str
-        Who stood before the first of the queue during most of the waiting, because of a response time or another reason
-        not to walk: ``"person 145, who has not started"``; empty for nobody.
-    at_once : (f,) int64
-        Number who waited at each recorded time.
-    near : (f,) int64
-        Number of those who were within `NEAR` of the place.
     """
 
+    # "exit", "door", "stair", "shaft" of several stairs, "portal" between floors, "level" without any of these, or
+    # "smoke" on a level, which may be irritants
     kind: str
     name: str
-    level: str
-    x: float
+    level: str  # of its head at `time`
+    x: float  # middle of what is passed there, x and y [m]; of a level and smoke the mean position of those who waited
     y: float
-    tail: str
-    most_on: str
-    people: int
-    waited: float
-    share: float
-    most: int
-    time: float
-    start: float
+    tail: str  # floor or stair of the last in the queue at `time`
+    most_on: str  # floor or stair on which most of the time was waited
+    people: int  # number of different people who waited
+    waited: float  # sum of the times for which they waited [s]
+    share: float  # the same over all waiting of the run
+    most: int  # greatest number who waited at once
+    time: float  # when that was first [s]
+    start: float  # first and last time at which a tenth of `most` waited [s]
     end: float
+    # who stood before the first of the queue during most of the waiting, because of a response time or another reason
+    # not to walk: "person 145, who has not started"; empty for nobody
     blocker: str
-    at_once: NDArray[np.int64] = field(repr=False, compare=False)
+    at_once: NDArray[np.int64] = field(repr=False, compare=False)  # number who waited at each recorded time, (f,)
+    # number of those who were within `NEAR` of the place, (f,)
     near: NDArray[np.int64] = field(repr=False, compare=False)
 
     @property

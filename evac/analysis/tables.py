@@ -36,19 +36,11 @@ MOTION_COLUMNS = {
 
 
 def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
-    """Return the motion of all people: a row for each person inside at each recorded time.
+    """Return the `MOTION_COLUMNS` (r,): a row for each person inside at each recorded time, by time and then by person.
 
-    Returns
-    -------
-    mapping of str to (r,) array
-        The columns `MOTION_COLUMNS`, sorted by time and then by person. Group and level are names, on a stair its own;
-        the group of people without group is empty. ``dose`` is there with ``[dose]``, and ``extinction``, that of the
-        cell in which each person is, with smoke. See `evac.trajectory.trajectory.Frame` for the others.
-
-    Examples
-    --------
-    >>> import pandas as pd  # doctest: +SKIP
-    >>> table = pd.DataFrame(motion_table(trajectory))  # doctest: +SKIP
+    Group and level are names, on a stair its own; the group of people without group is empty. ``dose`` is there with
+    ``[dose]``, and ``extinction``, that of the cell in which each person is, with smoke. See
+    `evac.trajectory.trajectory.Frame` for the others.
     """
     frames = [trajectory[k] for k in range(len(trajectory))]
     levels = np.array([level.title for level in trajectory.building.levels], dtype=object)
@@ -76,15 +68,9 @@ def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
 
 
 def regular_frames(trajectory: Trajectory) -> tuple[IntArray, float]:
-    """Return the frames at multiples of the interval between the first two, and the frame rate.
+    """Return the frames (f,) at multiples of the interval between the first two, and the frame rate [1/s].
 
     The last frame is left out if the run ended between two output times.
-
-    Returns
-    -------
-    frames : (f,) int32
-        Rows of ``trajectory.time``.
-    frame_rate : float [1/s]
     """
     time = trajectory.time
     if len(time) < 2:
@@ -104,15 +90,10 @@ def regular_frames(trajectory: Trajectory) -> tuple[IntArray, float]:
 
 
 def to_pedpy(trajectory: Trajectory, level: str | int) -> "tuple[pedpy.TrajectoryData, pedpy.WalkableArea]":
-    """Return the motion on one level and its floor as objects of PedPy.
+    """Return the motion on one level, and its plan, as objects of PedPy: TrajectoryData and WalkableArea.
 
-    Returns
-    -------
-    motion : pedpy.TrajectoryData
-        ``id`` is the person's row, ``frame`` counts recorded frames, ``x`` and ``y`` are in plan [m]. Only people on
-        the level are in it; a person who leaves the level and returns has a gap in the frames.
-    area : pedpy.WalkableArea
-        The plan of the level.
+    ``id`` is the person's row, ``frame`` counts recorded frames, ``x`` and ``y`` are in plan [m]. Only people on the
+    level are in it; a person who leaves the level and returns has a gap in the frames.
     """
     try:
         import pandas as pd

@@ -245,10 +245,9 @@ def _code_of(plugin: Any) -> Any:
 def plugin_code(what: str, plugin: Any, read_only: str = "") -> Iterator[None]:
     """Run code of a plugin; an exception that is not an EvacError becomes a PluginError with plugin, file and line.
 
-    This includes SystemExit, since no plugin may end the process. A KeyboardInterrupt comes from the user and is passed
-    on. Standard output and standard error are restored if the plugin has replaced them, which is an error too; in
-    other threads than the main one this is not checked, since the main one may replace them meanwhile.
-    `read_only` is the remedy if the plugin has written to a read-only array.
+    This includes SystemExit, but not KeyboardInterrupt, which comes from the user. Standard streams that the plugin has
+    replaced are restored, which is an error too; other threads than the main one do not check this. `read_only` is the
+    remedy if the plugin has written to a read-only array.
     """
     streams, is_main = (sys.stdout, sys.stderr), threading.current_thread() is threading.main_thread()
     try:

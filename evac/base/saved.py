@@ -117,8 +117,6 @@ def taken(
     Owners of a state call this in their ``restore``, so that no kernel reads an index, a shape or a number that a run
     cannot have.
 
-    Examples
-    --------
     >>> taken({"route": np.array([0, 1], np.int32)}, "route", np.int32, (2,), 0, 1)
     array([0, 1], dtype=int32)
     """

@@ -31,9 +31,9 @@ def is_inside(path: Path, folder: Path) -> bool:
 def run_plugin_files(case: Case, announce: Callable[[Path], None] | None = None) -> Case:
     """Execute the plugin files of a case, and return the case with all its names checked.
 
-    Plugin files named in a case are code by the author of the case. They are executed only by this function, and only
-    if they are inside the case's folder, so that a case cannot execute other files of the computer. Files given in
-    addition to the case (``--plugin``, ``plugin_files``) have been executed when it was loaded.
+    They are code by the author of the case, and executed only by this function, and only if they are inside the case's
+    folder, so that a case cannot execute other files of the computer. Files given in addition to the case
+    (``--plugin``, ``plugin_files``) have been executed when it was loaded.
     """
     if not case.unloaded_files:
         return case

@@ -30,28 +30,18 @@ SPACING, PERIOD = 1.0, 2.0
 
 
 class Air:
-    """The conditions of the air in a building; where several sources apply, the last one does.
-
-    Attributes
-    ----------
-    quantities : tuple of str
-        Those that at least one source provides.
-    given : list of set of str
-        Those that at least one source provides somewhere on each level.
-    sources : list of ConditionSource
-        One for each table `[[conditions]]`.
-    scenes : list of SourceScene
-        What each source may use, with the files that it has asked for.
-    """
+    """The conditions of the air in a building; where several sources apply, the last one does."""
 
     def __init__(self, case: "Case", building: Building, heads: dict[str, float], needed: tuple[str, ...]) -> None:
         self._where, self._settings = case.source, case.conditions
+        # one for each table `[[conditions]]`
         self.sources: list[ConditionSource] = [
             create("source", case.registry.get("condition_source", table.source), table.parameters)
             for table in case.conditions
         ]
         self.scenes = [SourceScene(building, case.folder, table, heads, needed) for table in case.conditions]
         self._given: list[frozenset[str]] = []
+        # quantities that at least one source provides somewhere on each level
         self.given: list[set[str]] = [set() for _ in building.levels]
         for index, (source, scene) in enumerate(zip(self.sources, self.scenes, strict=True)):
             what = f"source {source.name!r}: open"

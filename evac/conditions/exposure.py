@@ -71,21 +71,8 @@ def heads_of(case: "Case") -> dict[str, float]:
 class Exposure(Saved):
     """The doses of all people, and the share of their speed that smoke leaves them; its field is added to the scene.
 
-    Attributes
-    ----------
-    air : Air
-    routes : RoutesInSmoke or None
-        Has routes solved again, unless the case has ``smoke.routes = false``.
-    share : (n,) float64
-        Share of the desired speed that smoke leaves each person; 0 for those who have been stopped.
-    doses : (2, n) float64
-        Of gases, and of heat.
-    extinction, irritants : (n,) float64
-        Greatest extinction coefficient [1/m], and greatest fractional irritant concentration, so far.
-    stopped_at : (n,) float64
-        Time at which each person was stopped [s]; NaN for the others.
-    stopped : (n,) bool
-        Whether each person has been stopped.
+    `share` (n,) is 0 for those who have been stopped. `doses` (2, n) are those of gases and of heat; `extinction` [1/m]
+    and `irritants` (n,) the greatest so far. `stopped_at` (n,) [s] is NaN for those who have not been `stopped` (n,).
     """
 
     saved = (

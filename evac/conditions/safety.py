@@ -188,15 +188,7 @@ class Safety(Saved):
     A criterion is met at a place from the first time on at which it is met there, at the mean height of heads, also if
     the air becomes better later. It is read on cells of floors every few seconds, and is linear in between. The margin
     of a person is the time at which a criterion of a compartment, with the own dose, would be met where it is, minus
-    the present time.
-
-    Attributes
-    ----------
-    least, least_at : (n,) float64
-        Least margin of each person so far [s], inf if no criterion is met on its way; and when it was so little [s].
-    left : (compartments, n) float64
-        When each person left each compartment to which it belongs for the last time [s]: inf for those who are there,
-        NaN for those who do not belong to it.
+    the present time: `least` (n,) [s] so far, inf if none is met on its way, at the time `least_at` (n,) [s].
     """
 
     saved = ("least", "least_at", "left", "_seen", "_belongs", "_reached", "_of_compartments")
@@ -217,6 +209,7 @@ class Safety(Saved):
         self._leaves = np.ones(n, np.bool_)
         self._leaves[exempt] = False
         self.least, self.least_at = np.full(n, np.inf), np.full(n, np.nan)
+        # (compartments, n) [s]: inf for those who are there, NaN for those who do not belong to it
         self.left = np.full((number, n), np.nan)
         self._seen, self._belongs = np.zeros(n, np.bool_), np.zeros((number, n), np.bool_)
         # Doses that are criteria, and when the own dose of each person has reached each of them.

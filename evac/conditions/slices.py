@@ -29,26 +29,14 @@ _SLICE = re.compile(r"SLC([FC])\s+(\d+)\b.*?&((?:\s+\d{1,9}){6})(?:\s|$)")
 
 @dataclass(frozen=True)
 class Block:
-    """The values of a quantity on a part of a plane or volume in one mesh.
+    """The values of a quantity on a part of a plane or volume in one mesh."""
 
-    Attributes
-    ----------
-    path : Path
-        The slice file.
-    quantity : str
-        As FDS writes it.
-    axes : three of (n,) float64 [m]
-        Coordinates of the values along x, y and z.
-    ends : (3, 2) float64 [m]
-        Where the block begins and ends; within half a cell of them, values at the centres of cells are continued.
-    times : (f,) float64 [s]
-    """
-
-    path: Path
-    quantity: str
-    axes: tuple[FloatArray, FloatArray, FloatArray]
+    path: Path  # the slice file
+    quantity: str  # as FDS writes it
+    axes: tuple[FloatArray, FloatArray, FloatArray]  # coordinates of the values along x, y and z, (n,) each [m]
+    # (3, 2) [m]: where it begins and ends; within half a cell, values at the centres of cells are continued
     ends: FloatArray
-    times: FloatArray
+    times: FloatArray  # (f,) [s]
     unit: str  # as FDS writes it
     shape: tuple[int, int, int]  # of the values in the file, along z, y and x
     is_centred: bool

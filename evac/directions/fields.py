@@ -83,32 +83,16 @@ class ClassGrids:
 
 @dataclass(frozen=True)
 class Fields:
-    """Travel times, directions and path lengths of a building; immutable.
+    """Travel times, directions and path lengths of a building; immutable."""
 
-    Attributes
-    ----------
-    routes : tuple of Route
-        The routes that ``Crowd.route`` refers to.
-    packed : PackedFields
-        Travel times and directions of the routes.
-    comfort : float
-        Weight of the time on stairs in the strategy "comfortable".
-    clearance : float
-        Distance that directions keep from walls where there is room [m].
-    marched : Marched, optional
-        Data that lengths are computed from; lengths are empty without it.
-    grids : tuple of ClassGrids
-        For each class of bodies, if there is a route with the strategy "quickest", or smoke; otherwise empty.
-    uncongested : Fields, optional
-        For fields of which some follow the crowd, those of the empty building, whose lengths they have.
-    """
-
-    routes: tuple[Route, ...]
+    routes: tuple[Route, ...]  # to which `Crowd.route` refers
     packed: PackedFields
-    comfort: float = 1.0
-    clearance: float = 0.0
-    marched: "Marched | None" = None
+    comfort: float = 1.0  # weight of the time on stairs in the strategy "comfortable"
+    clearance: float = 0.0  # distance that directions keep from walls where there is room [m]
+    marched: "Marched | None" = None  # data that lengths are computed from; lengths are empty without it
+    # for each class of bodies, if there is a route with the strategy "quickest", or smoke
     grids: tuple[ClassGrids, ...] = ()
+    # of fields of which some follow the crowd: those of the empty building, whose lengths they have
     uncongested: "Fields | None" = None
 
     @cached_property
@@ -145,16 +129,11 @@ class Fields:
     def travel_time_at(
         self, level: ArrayLike, position: FloatArray, route: ArrayLike, radius: ArrayLike = 0.0
     ) -> FloatArray:
-        """Return the travel times (n,) [s] of routes from positions; inf where the destination cannot be reached.
+        """Return the travel times (n,) [s] of routes from positions (n, 2) [m]; inf where the destination cannot be
+        reached.
 
-        Parameters
-        ----------
-        level : (n,) or int
-        position : (n, 2) [m]
-        route : (n,) or int
-        radius : (n,) or float [m]
-            Radius of the body, for which gaps that it does not fit through are walls. By default, the narrowest body of
-            the case.
+        Gaps that a body of the radius (n,) [m] does not fit through are walls for it; by default, it is the narrowest
+        one.
         """
         return self._times_at(self.packed, level, position, route, radius)
 

@@ -34,13 +34,11 @@ NOTICED = 0.3
 
 
 class LocalWays(Saved):
-    """The ways of a run that lead round the crowd.
+    """The ways of a run that lead round the crowd: `fields` have directions of their own, which `update` changes in
+    place.
 
-    Attributes
-    ----------
-    fields : Fields
-        With directions of their own, which `update` changes in place. The columns of `first` are those of all runs
-        with this building before there is a crowd, made by the first run that needs them.
+    The columns of `first` are those of all runs with this building before there is a crowd, made by the first run that
+    needs them.
     """
 
     def __init__(

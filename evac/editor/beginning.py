@@ -27,13 +27,7 @@ wall = 0.1
 
 
 def new_folder(name: str) -> Path:
-    """Return a folder in the current one by its name, which may be a path.
-
-    Raises
-    ------
-    ScenarioError
-        The name is no name of a folder, or leads out of the current one.
-    """
+    """Return a folder in the current one by its name, which may be a path; ScenarioError if it leads out of that."""
     folder = Path(name)
     if not folder.parts or ".." in folder.parts or not is_inside(folder, Path()):
         raise ScenarioError(f"{name}: give the name of a new folder in {Path.cwd()}")
@@ -41,13 +35,7 @@ def new_folder(name: str) -> Path:
 
 
 def write_copy(folder: Path, home: Path, texts: Mapping[Path, str], others: Iterable[Path]) -> None:
-    """Write files with their new texts, and copies of others, to a new folder, where they are as in `home`.
-
-    Raises
-    ------
-    EvacError
-        The folder exists or cannot be written, or a file is outside of `home`.
-    """
+    """Write files with their new texts, and copies of others, to a new folder; all must be in `home`."""
     files = [*dict.fromkeys([*texts, *others])]
     if outside := [file for file in files if not is_inside(file, home)]:
         raise ScenarioError(
@@ -75,12 +63,7 @@ def files_named(value: Any, folder: Path) -> Iterator[Path]:
 def begin(folder: Path, what: str, name: str = "", content: bytes = b"") -> tuple[Path, list[str]]:
     """Write a case to a new folder, with a number if its name is taken; return the folder, and what is to be told.
 
-    `what`: empty, example, or file, whose `name` and `content` are given.
-
-    Raises
-    ------
-    EvacError
-        The file is not read, or its building is no plan.
+    `what`: empty, example, or file, whose `name` and `content` are given; it must be a plan.
     """
     names = chain([folder], (folder.with_name(f"{folder.name}-{number}") for number in count(2)))
     folder = next(path for path in names if not path.exists())

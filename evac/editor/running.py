@@ -55,13 +55,7 @@ class Command:
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self, *arguments: str) -> None:
-        """Start a command of evac.
-
-        Raises
-        ------
-        ResultError
-            Another command writes the result.
-        """
+        """Start a command of evac; ResultError if another one writes the result."""
         if self.holder() is not None:
             raise ResultError(f"{self.folder}: is being written; wait until this has ended, or stop it")
         with self._output.open("wb") as output:
@@ -193,13 +187,7 @@ class Designs:
         self._command = Command(going_on[0] if going_on else self.folder)
 
     def start(self, name: str, runs: int) -> None:
-        """Start `evac repeat` for a design, or continue one that was stopped.
-
-        Raises
-        ------
-        EvacError
-            The name is no name of a folder, the number is out of range, or other runs are being made.
-        """
+        """Start `evac repeat` for a design, or continue one that was stopped, unless other runs are being made."""
         if not NAME.fullmatch(name) or not 1 <= runs <= MOST_RUNS:
             raise ScenarioError(f"{name!r}, {runs} runs: give a name of letters and digits, and 1 to {MOST_RUNS} runs")
         if self._command.holder() is not None:
@@ -226,13 +214,7 @@ class Designs:
         return found | {"failed": self._command.failure()}
 
     def page(self, names: Sequence[str]) -> bytes | None:
-        """Return the page of `evac compare` with designs beside each other; None if there is no such design.
-
-        Raises
-        ------
-        ResultError
-            Their runs have no seed in common.
-        """
+        """Return the page of `evac compare` with designs beside each other; None if there is no such design."""
         folders = self._folders()
         if not folders.keys() >= {*names}:
             return None

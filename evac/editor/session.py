@@ -56,13 +56,7 @@ class Pictures:
         return {}
 
     def put(self, storey: str, given: Mapping[str, Any] | None) -> dict[str, Any]:
-        """Keep the picture of a storey, or only where it is if its ``data`` is not given; None takes it away.
-
-        Raises
-        ------
-        EvacError
-            It is neither PNG nor JPEG, or too large, or it is nowhere; or the file cannot be written.
-        """
+        """Keep the picture (PNG or JPEG) of a storey, or without ``data`` only where it is; None takes it away."""
         with self._lock:
             rows = self.all()
             if given is None:
@@ -101,21 +95,9 @@ class ChangedOnDiskError(EvacError):
 class Session:
     """A plan file or a case that pages edit: a table of the plan, with the rest as ``case``.
 
-    Of a case whose building is no plan, such as a mesh, the case is edited, and the building is shown.
-
-    Parameters
-    ----------
-    source : Path
-        A case, a folder with one, or a plan file.
-    result : Path, optional
-        Result folder of runs of the case; by default that of `evac run`.
-    plugins : sequence of Path
-        Files of plugins, which are executed; those that the case names are executed by runs only.
-
-    Raises
-    ------
-    EvacError
-        There is no such file, or it is not valid.
+    Of a case whose building is no plan, such as a mesh, the case is edited, and the building is shown. Runs of the case
+    are written to `result`, by default the folder of `evac run`. Files in `plugins` are executed; those that the case
+    names are executed by runs only.
     """
 
     def __init__(self, source: Path, result: Path | None = None, plugins: Sequence[Path] = ()) -> None:
@@ -181,13 +163,7 @@ class Session:
         return {"schema": case_schema(self.registry), "presets": {k: v["about"] for k, v in shipped_presets().items()}}
 
     def check(self, page: str, revision: int, table: Mapping[str, Any]) -> dict[str, Any]:
-        """Have a plan judged, instead of an earlier one of the same page that still waits, and note it in the journal.
-
-        Raises
-        ------
-        EvacError
-            The journal cannot be written.
-        """
+        """Have a plan judged, instead of an earlier one of the page that still waits, and note it in the journal."""
         with self._lock:
             self._waiting[page] = (revision, table)
             self._lock.notify()
@@ -201,12 +177,7 @@ class Session:
     def save(self, table: Mapping[str, Any], digest: str) -> dict[str, Any]:
         """Write what was edited to the files, of which only the changed lines change; return difference and digest.
 
-        Raises
-        ------
-        ChangedOnDiskError
-            The digest is not that of the files.
-        EvacError
-            A file cannot be written, or the change cannot be made in its text.
+        ChangedOnDiskError if the given digest is not that of the files.
         """
         with self._lock:
             texts, _ = self._read()
@@ -224,13 +195,7 @@ class Session:
         return {"difference": _difference(texts, new), "digest": _digest(new)}
 
     def copied(self, table: Mapping[str, Any], folder: Path) -> Path:
-        """Write what was edited, with all files that it names, to a new folder; return the case or the plan there.
-
-        Raises
-        ------
-        EvacError
-            The folder exists or cannot be written, or a file is outside of that of the case.
-        """
+        """Write what was edited, with all files that it names, to a new folder; return the case or the plan there."""
         with self._lock:
             texts, _ = self._read()
             main = self.case_file or self.file

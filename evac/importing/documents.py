@@ -58,13 +58,7 @@ def with_basis(text: str, basis: str) -> str:
 
 
 def write_example(folder: Path, basis: str = "measured") -> None:
-    """Write the example case, a building of two storeys, to a new or empty folder.
-
-    Raises
-    ------
-    ScenarioError
-        The folder is not empty, or cannot be written.
-    """
+    """Write an example case to a folder, which must be new or empty."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ScenarioError(f"{folder}: exists and is not empty; choose a new folder")
     try:

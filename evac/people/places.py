@@ -34,26 +34,13 @@ STANDS = 0.1
 
 @dataclass(frozen=True)
 class PeopleAt:
-    """A refuge or assembly area and its people at the end of a run.
-
-    Attributes
-    ----------
-    name : str
-    kind : str
-        "refuge" or "assembly".
-    capacity : int or None
-        Greatest number of people; None: any.
-    people : tuple of int
-        The people who were in it.
-    last : float or None
-        Time at which the last of them had come to a stop there [s]; None if nobody was there.
-    """
+    """A refuge or assembly area and its people at the end of a run."""
 
     name: str
-    kind: str
-    capacity: int | None
+    kind: str  # "refuge" or "assembly"
+    capacity: int | None  # greatest number of people; None: any
     people: tuple[int, ...]
-    last: float | None
+    last: float | None  # when the last of them had come to a stop there [s]; None if nobody was there
 
     def __str__(self) -> str:
         """Return kind and name, such as ``"refuge 'lobby'"``."""
@@ -151,15 +138,9 @@ class Places(Saved):
     People whose group has `assembly` go to the nearest of these areas that they can reach and that is not full. Who
     cannot reach one leaves by an exit. People whose group has `steepest`, or does not turn, and who have no way out
     that is as wide as they are, go to the nearest refuge that they can reach and that is not full. If a way out, or to
-    an assembly area, opens before they have arrived, they take it. Who has arrived stays, until an event sends the
-    group elsewhere, or a lift leads out of a refuge.
-
-    Attributes
-    ----------
-    arrived : (n,) bool
-        Whether each person stays in its place. Its speed factor is zero.
-    of_groups : (n,) int32
-        The route of each person that its group has in the case.
+    an assembly area, opens before they have arrived, they take it. Who has arrived (`arrived`, (n,)) stays, with the
+    speed factor zero, until an event sends the group elsewhere, or a lift leads out of a refuge. `of_groups` (n,) are
+    the routes that groups have in the case.
     """
 
     saved = ("_before", "_meant", "_sent", "_is_brought", "_since", "arrived")

@@ -126,14 +126,8 @@ def make_crowd(
 ) -> Crowd:
     """Return a crowd at the start of a run: all people in the first group, on the first route, with zero distance.
 
-    Parameters
-    ----------
-    position : (n, 2) [m]
-    velocity : (n, 2), or one for all [m/s]
-    level : (n,), or one for all
-    radius, height, mass, tau, start_time : (n,), or one for all [m], [m], [kg], [s], [s]
-    contact_radius : (n,), or one for all [m]; equal to `radius` by default
-    speed : (n, 3) for flat, up and down, or (n,) or one for all of these [m/s]
+    Positions are (n, 2) [m]; all else, in SI units, is given for each person or for all. Speeds are (n, 3) for flat, up
+    and down, or one for all three; the contact radius is the radius by default.
     """
     place = np.array(position, dtype=np.float64).reshape(-1, 2)
     speeds = np.asarray(speed, dtype=np.float64)

@@ -296,9 +296,8 @@ class _InPlan:
 
 
 def plan_view(building: Building, size: tuple[int, int], levels: Sequence[Sequence[Level]] | None, side: float) -> View:
-    """Draw the plans of all storeys or of given levels.
+    """Draw the plans of all storeys or of given levels, fitted into a size [pixels], see `draw_plans`.
 
-    `size`: width and height into which the picture is fitted [pixels]; `levels`: as for `draw_plans`;
     `side`: width of the space at the right for a legend [inches], for a picture 10 inches wide.
     """
     plans = draw_plans(building, "", levels, side=side, has_scale_bar=False)

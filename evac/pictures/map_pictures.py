@@ -61,8 +61,6 @@ def draw_map(
 
     The title names what changed during this time, without the rides of lifts.
 
-    Examples
-    --------
     >>> draw_map(evac.read_trajectory("school-result"), "density").savefig("density.png")  # doctest: +SKIP
     """
     return next(draw_maps(trajectory, [quantity], maps, levels, dpi, service))

@@ -89,10 +89,7 @@ def runs_figure(title: str, people: int, columns: Mapping[str, FloatArray]) -> F
 
 
 def designs_figure(title: str, people: int, curves: Mapping[str, Mapping[str, FloatArray]]) -> Figure:
-    """Return the mean numbers of people out over time of several designs, with bands of percentiles over runs.
-
-    `curves`: the columns of `runs_figure`, by the name of the design.
-    """
+    """Return the mean numbers of people out over time of designs, with bands over runs; columns as of `runs_figure`."""
     figure, axes = new_axes(title, people)
     for (name, columns), colour in zip(curves.items(), group_colours(len(curves)), strict=False):
         low, *_, high = (values for key, values in columns.items() if key.startswith("percentile_"))

@@ -33,11 +33,7 @@ ROOM_FOR_PEOPLE = 1.9  # above the floors, within the picture [m]
 def view_of(
     building: Building, size: tuple[int, int], camera: Camera, levels: Sequence[Level], margin: Mapping[str, float]
 ) -> View:
-    """Draw levels of a building.
-
-    `size`: width and height of the picture [pixels]; `levels`: levels that are drawn; `margin`: space for text at each
-    side, as `MARGIN`.
-    """
+    """Draw levels of a building to a picture of a size [pixels], with a margin for text at each side, as `MARGIN`."""
     scene = _Scene(building, size, camera, levels, margin)
     try:
         with quiet_vtk():

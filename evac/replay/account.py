@@ -173,10 +173,7 @@ def texts(account: Account) -> dict[str, str]:
 
 
 def poster(motion: MotionPacker, group: IntArray) -> str:
-    """Return a picture of all storeys in plan side by side, with the people of the first state, as SVG.
-
-    `motion`: with at least one state; `group` (n,): group of each person, -1 for none.
-    """
+    """Return a picture of all storeys in plan side by side, with the first state of people (n,) by group, as SVG."""
     building = motion.building
     low, high = np.array(shapely.total_bounds([level.polygon for level in building.levels])).reshape(2, 2)
     gap = 0.1 * float((high - low).max()) + 1.0

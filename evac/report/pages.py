@@ -102,9 +102,7 @@ def rendered(template: str, **data: Any) -> str:
 
 
 def _fonts(page: str) -> str:
-    """Return the style with the letters of a page in the fonts that come with matplotlib, so that lines and pages are
-    divided alike on all machines.
-    """
+    """Return the style with the fonts of matplotlib, by which lines and pages are divided alike on all machines."""
     from fontTools.subset import Options, Subsetter, load_font, save_font
 
     options = Options(flavor="woff", hinting=False, layout_features=["kern", "tnum"], notdef_outline=True)

@@ -56,14 +56,7 @@ def movement_of(keepers: Sequence[str]) -> str:
 
 
 def time_of_share(exit_time: FloatArray, percent: float) -> float | None:
-    """Return when so many per cent of people were out [s]; None if that many never were.
-
-    Parameters
-    ----------
-    exit_time : (n,) float64 [s]
-        NaN for people who are not out.
-    percent : float
-    """
+    """Return when so many per cent of people (n,) were out [s], NaN: never; None if that many never were."""
     rank = max(math.ceil(percent / 100.0 * exit_time.size), 1)
     out = np.sort(exit_time[np.isfinite(exit_time)])
     return float(out[rank - 1]) if rank <= out.size else None

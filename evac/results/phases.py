@@ -41,10 +41,7 @@ def phases_of(
     changes: Sequence[Change],
     moves: Moves,
 ) -> list[PhaseUse]:
-    """Return what became of each phase; its people are those who started in its places.
-
-    `start`: levels (n,) and positions (n, 2) [m] at which people started.
-    """
+    """Return what became of each phase; its people are those whose start (levels, positions [m]) was in its places."""
     uses = []
     for phase in phases:
         rows = np.unique(np.concatenate([_starting(name, building, groups, *start) for name in phase.of]))

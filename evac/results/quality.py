@@ -100,10 +100,7 @@ def chatter_warning(seen: Observation, levels: Sequence[str], rigid: Sequence[st
 
 
 def crushing_warning(seen: Observation, levels: Sequence[str], keepers: Sequence[str] | None) -> str:
-    """Return the quality warning on lethal contact forces that `Watch.crushing` has seen.
-
-    `keepers` as above.
-    """
+    """Return the quality warning on lethal contact forces that `Watch.crushing` has seen; `keepers` as above."""
     force, load = seen.values
     advice = "" if keepers is None else f", or use a behaviour with which people keep their distance{_sets(keepers)}"
     return (

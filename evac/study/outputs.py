@@ -290,10 +290,7 @@ def egress(study: "Study", point: int) -> dict[str, FloatArray]:
 
 
 def out_over_runs(time: FloatArray, exit_times: Iterable[FloatArray]) -> dict[str, FloatArray]:
-    """Return times (k,) [s], and mean and percentiles (k,) over runs of the number of people out by then.
-
-    `exit_times`: those of the people of each run [s], NaN for people who are not out.
-    """
+    """Return times (k,) [s], and mean and percentiles (k,) over runs of the number of people out by then."""
     # NaN is sorted after all times.
     out = np.array([np.searchsorted(np.sort(times), time, "right").astype(np.int32) for times in exit_times])
     percentiles = {f"percentile_{of:g}_over_runs": np.percentile(out, of, axis=0) for of in PERCENTILES}

@@ -51,26 +51,14 @@ IMO_POPULATIONS, IMO_REPETITIONS = 100, 5
 
 @dataclass(frozen=True)
 class Estimate:
-    """A statistic of the evacuation time and its interval.
+    """A statistic of the evacuation time and its interval."""
 
-    Attributes
-    ----------
-    name : str
-        ``"mean"`` or ``"percentile 95"``.
-    value, low, high : float
-        Value and bounds of the interval [s]; infinite because of blocked runs, or NaN if undefined.
-    runs : int
-        Number of runs in the statistic.
-    note : str
-        Why there is no interval, or the effect of blocked, long or few runs; often empty.
-    """
-
-    name: str
-    value: float
+    name: str  # "mean", or "percentile 95" for example
+    value: float  # value and bounds of the interval [s]; infinite because of blocked runs, or NaN if undefined
     low: float
     high: float
-    runs: int
-    note: str = ""
+    runs: int  # in the statistic
+    note: str = ""  # why there is no interval, or the effect of blocked, long or few runs; often empty
 
     @property
     def text(self) -> str:
@@ -112,33 +100,19 @@ def time_text(value: float, form: str = ".2f") -> str:
 
 @dataclass(frozen=True)
 class Statistics:
-    """Statistics of the runs of a point.
+    """Statistics of the runs of a point."""
 
-    Attributes
-    ----------
-    runs, blocked, failed : int
-        Number of all runs that did not fail, of those in which people are left inside, and of failed runs.
-    blocked_share, blocked_low, blocked_high : float
-        Share of blocked runs, and its exact interval (Clopper and Pearson).
-    least, greatest, standard_deviation : float
-        Evacuation times [s]; the standard deviation is that of the complete runs, NaN for fewer than two.
-    mean : Estimate
-        Mean of the complete runs.
-    percentiles : tuple of Estimate
-        Percentiles of all runs.
-    """
-
-    runs: int
-    blocked: int
+    runs: int  # that did not fail
+    blocked: int  # runs in which people are left inside
     failed: int
-    blocked_share: float
+    blocked_share: float  # its exact interval is that of Clopper and Pearson
     blocked_low: float
     blocked_high: float
-    least: float
+    least: float  # evacuation times [s]; the standard deviation is that of the complete runs, NaN for fewer than two
     greatest: float
     standard_deviation: float
-    mean: Estimate
-    percentiles: tuple[Estimate, ...]
+    mean: Estimate  # of the complete runs
+    percentiles: tuple[Estimate, ...]  # of all runs
 
     def __getitem__(self, name: str) -> Estimate:
         """Return the mean or a percentile by its name."""

@@ -279,10 +279,7 @@ def _value(column: pa.Array, k: int) -> Any:
 
 
 def identity_of(points: Sequence[Point], seeds: Seeds, digests: Sequence[str]) -> dict[str, Any]:
-    """Return what identifies a study: case, building, parameters, plugins, seeds, versions.
-
-    The number of runs, the stopping rule and the executor are not included.
-    """
+    """Return what identifies a study: case, building, parameters, plugins, seeds, versions; not how many runs."""
     case = points[0].case
     return {
         "case": plain(_settings(case)),

@@ -179,21 +179,12 @@ class Door:
 
 @dataclass(frozen=True)
 class Ride:
-    """The way of a lift between two neighbouring stops: people change the level on it without crossing a line.
-
-    Attributes
-    ----------
-    index : int
-        Row in ``Building.rides``.
-    name : str
-    levels : (int, int)
-        Rooms of the lift, the lower one first.
-    """
+    """The way of a lift between two neighbouring stops: people change the level on it without crossing a line."""
 
     kind: ClassVar[str] = "ride"
-    index: int
+    index: int  # row in `Building.rides`
     name: str
-    levels: tuple[int, int]
+    levels: tuple[int, int]  # rooms of the lift, the lower one first
     width: ClassVar[float] = np.inf
 
     @property

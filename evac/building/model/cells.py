@@ -21,26 +21,12 @@ MOST_FIELDS = 100
 
 
 class Cells:
-    """Square cells over one level, numbered row by row from the lower left corner: ``row * nx + column``.
-
-    Parameters
-    ----------
-    level : Level or Area
-    spacing : float [m]
-        Side of the cells.
-
-    Attributes
-    ----------
-    shape : (int, int)
-        Number of cells along y and along x.
-    origin : (2,) float64 [m]
-        Lower left corner.
-    """
+    """Square cells over a level or area, with sides of `spacing` [m], numbered row by row: ``row * nx + column``."""
 
     def __init__(self, level: Level | Area, spacing: float) -> None:
         low_x, low_y, high_x, high_y = level.polygon.bounds
         self.spacing = spacing
-        self.origin: FloatArray = spacing * np.floor(np.array([low_x, low_y]) / spacing)
+        self.origin: FloatArray = spacing * np.floor(np.array([low_x, low_y]) / spacing)  # lower left corner (2,) [m]
         nx, ny = (
             max(1, math.ceil((high - low) / spacing)) for high, low in zip((high_x, high_y), self.origin, strict=True)
         )

@@ -19,20 +19,9 @@ Ground = Callable[[FloatArray], FloatArray]
 
 
 def elevation(building: Building, level: ArrayLike, position: ArrayLike) -> FloatArray:
-    """Return the height of points on levels.
+    """Return the heights (n,) [m] of points (n, 2) [m] on levels (n,); NaN where the level is -1.
 
     Heights are exact on cells; beyond the edge of a level, the plane of the nearest cell is extrapolated.
-
-    Parameters
-    ----------
-    level : (n,) int
-        Level of each point; -1 for none.
-    position : (n, 2) float64 [m]
-
-    Returns
-    -------
-    (n,) float64 [m]
-        Heights; NaN where the level is -1.
     """
     grounds = [partial(level_elevation, building.vertices, one) for one in building.levels]
     return heights_on(grounds, np.asarray(level), np.asarray(position, np.float64))

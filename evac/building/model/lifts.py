@@ -76,30 +76,14 @@ class Motion:
 
 @dataclass(frozen=True)
 class Lift:
-    """A lift: equal rooms above each other, a level each. Its car is in one of them, or on the way between two.
-
-    Attributes
-    ----------
-    name : str
-    storeys : tuple of str
-        Names of its stops, from bottom to top.
-    rooms : tuple of int
-        The level of the car at each stop.
-    doors : tuple of tuple of int
-        The portals of each room.
-    heights : tuple of float
-        Of the stops [m].
-    back : (float, float)
-        Place in plan at the back of the car to which people walk [m].
-    operation : LiftOptions
-    """
+    """A lift: equal rooms above each other, a level each. Its car is in one of them, or on the way between two."""
 
     name: str
-    storeys: tuple[str, ...]
-    rooms: tuple[int, ...]
-    doors: tuple[tuple[int, ...], ...]
-    heights: tuple[float, ...]
-    back: tuple[float, float]
+    storeys: tuple[str, ...]  # names of its stops, from bottom to top
+    rooms: tuple[int, ...]  # the level of the car at each stop
+    doors: tuple[tuple[int, ...], ...]  # the portals of each room
+    heights: tuple[float, ...]  # of the stops [m]
+    back: tuple[float, float]  # place in plan at the back of the car to which people walk [m]
     operation: LiftOptions
 
     @property

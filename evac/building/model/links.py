@@ -249,16 +249,7 @@ def _area(building: Building, name: str) -> str:
 
 
 def building_at(building: Building, changes: Iterable[Change], time: float) -> Building:
-    """Return a building as it is at a time, after the changes until then.
-
-    Parameters
-    ----------
-    building : Building
-        The building at the start.
-    changes : iterable of Change
-        In the order in which they took effect; those that do not concern the building are skipped.
-    time : float [s]
-    """
+    """Return a building, given as it is at the start, as it is at a time [s] after the changes until then."""
     for change in changes:
         if change.time <= time:
             building = changed(building, change)

@@ -25,11 +25,9 @@ ROUNDING = 1e-14
 
 
 def weld_points(points: FloatArray, distance: float) -> tuple[FloatArray, IndexArray]:
-    """Merge points that are close to each other.
+    """Merge points (n, 3) that are at most `distance` apart [m], moved by at most `LARGEST_CLUSTER` times this.
 
-    `points` (n, 3) [m]; `distance` [m]: points at most this far apart are merged; a point is moved by at most
-    `LARGEST_CLUSTER` times this. Returns `vertices` (v, 3) [m]: the first point of each cluster in the order of (x, y,
-    z); `index` (n,): row in `vertices` of each point.
+    Returns the first point of each cluster in the order of (x, y, z), (v, 3), and the row in these of each point.
     """
     distinct, row = np.unique(points + 0.0, axis=0, return_inverse=True)  # + 0.0 turns -0.0 into 0.0
     pairs = close_pairs(distinct, distance)
