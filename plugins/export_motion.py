@@ -4,6 +4,9 @@ import csv
 from collections.abc import Iterable
 from pathlib import Path
 
+import pyarrow
+from pyarrow import parquet
+
 from evac.analysis.tables import MOTION_COLUMNS, motion_table
 from evac.export.exporter import Exporter
 from evac.folder.textfiles import cell_of
@@ -35,9 +38,6 @@ class ParquetExporter(Exporter):
 
     def write(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
         """Write the columns of `evac.analysis.tables.MOTION_COLUMNS`, with their units as field metadata."""
-        import pyarrow
-        from pyarrow import parquet
-
         columns = motion_table(trajectory)
         words = pyarrow.dictionary(pyarrow.int32(), pyarrow.string())
         arrays = [

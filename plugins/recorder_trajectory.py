@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 from evac.base.saved import Bounds, SavedError
 from evac.contract.hooks import hookimpl
 from evac.folder.files import REPLAY_NAME, TRAJECTORY_NAME
-from evac.results.results import versions
+from evac.results.results import Results, versions
 from evac.trajectory.recorder import Recorder
 from evac.trajectory.trajectory import IN_MEMORY, building_to_json
 
 if TYPE_CHECKING:  # evac.trajectory.writer imports Arrow, which a run without a trajectory does not need
-    from evac.results.results import Results
     from evac.simulation.simulation import Simulation
     from evac.trajectory.writer import TrajectoryWriter
 
@@ -46,7 +45,7 @@ class TrajectoryRecorder(Recorder):
             self._writer.append(simulation.time, crowd, velocity, changes, fields, simulation.dose, simulation.standing)
             self._recorded, self._changes = simulation.time, len(scene.changes)
 
-    def finish(self, simulation: "Simulation", results: "Results | None") -> None:
+    def finish(self, simulation: "Simulation", results: Results | None) -> None:
         """Append the final state, unless it is already recorded, and close the file."""
         if self._writer is not None:
             if simulation.time > self._recorded:
@@ -113,7 +112,7 @@ class ReplayRecorder(Recorder):
 
 
 @hookimpl
-def evac_finish(simulation: "Simulation", results: "Results | None", error: BaseException | None) -> None:
+def evac_finish(simulation: "Simulation", results: Results | None, error: BaseException | None) -> None:
     """Write the page, also of a failed run, unless the user chose not to wait for results."""
     output, folder = simulation.case.output, simulation.folder
     is_wanted = output.replay and output.trajectory and "replay" in [recorder.name for recorder in simulation.recorders]

@@ -5,16 +5,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from rich import progress as bars
 from rich.console import Console
 
 from evac.base.errors import counted
-from evac.base.phases import shown_by
-
-if TYPE_CHECKING:
-    from evac.base.phases import Progress
+from evac.base.phases import Progress, shown_by
 
 #: Wall time between two updates of the bar, and between two plain lines of a run and of several [s]; the first
 #: line of a loop or run comes as early as those of several runs.
@@ -105,7 +102,7 @@ class Display:
         if self._has_lines:
             print(line, file=sys.stderr, flush=True)
 
-    def __call__(self, state: "Progress") -> None:
+    def __call__(self, state: Progress) -> None:
         """Show a tick unless the last update is recent; speed is measured after the first tick, which may load code."""
         now = time.perf_counter()
         if self._first is None:
@@ -134,7 +131,7 @@ class Display:
 
 
 @contextmanager
-def displayed(progress: "Callable[[Progress], None] | bool | None") -> "Iterator[Callable[[Progress], None] | None]":
+def displayed(progress: Callable[[Progress], None] | bool | None) -> Iterator[Callable[[Progress], None] | None]:
     """Enter the display of a run started from Python, and return the function to call at every tick."""
     if callable(progress):
         yield progress
@@ -147,7 +144,7 @@ def displayed(progress: "Callable[[Progress], None] | bool | None") -> "Iterator
         yield None
 
 
-def numbers_of(first: "Progress", state: "Progress", wall: float) -> str:
+def numbers_of(first: Progress, state: Progress, wall: float) -> str:
     """Return people out, simulated time, speed relative to real time and the estimated time left as a text.
 
     Speed and time left follow from the progress since `first`, in `wall` [s]; the run may end before its duration.

@@ -3,13 +3,16 @@
 import argparse
 import math
 import tomllib
+from collections import Counter
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from evac.base.display import Display
 from evac.base.errors import ScenarioError, counted
 from evac.cli.inputs import declare_plugin, declare_set, values_of
-from evac.cli.screen import note, say, show_facts, show_table
+from evac.cli.main import BAD_INPUT
+from evac.cli.screen import note, say, show_facts, show_table, show_warnings
 from evac.contract.hooks import BASES
 
 if TYPE_CHECKING:
@@ -102,7 +105,6 @@ def execute_import(arguments: argparse.Namespace) -> int:
         options["plan"] = arguments.plan
     exits = [int(number) for number in _numbers("--exit", ",".join(arguments.exits), whole=True)]
     z = None if arguments.z is None else _numbers("--z", arguments.z)
-    from evac.base.display import Display
 
     with Display(has_lines=False) as display:
         display.phase("reading the building")
@@ -123,7 +125,6 @@ def execute_import(arguments: argparse.Namespace) -> int:
             registry=Registry(arguments.plugins),
         )
     _show(made)
-    from evac.cli.main import BAD_INPUT
 
     return 0 if made.is_accepted else BAD_INPUT
 
@@ -140,10 +141,7 @@ def _numbers(what: str, text: str, whole: bool = False) -> list[float]:
 
 def _show(made: "Imported") -> None:
     """Show what is missing, a summary, the openings if there is no exit, the warnings, and the next command."""
-    from collections import Counter
-
     from evac.building.model.findings import KINDS, and_more, grouped
-    from evac.cli.screen import say, show_facts, show_table, show_warnings
     from evac.importing.documents import MOST_OPENINGS, opening_row
     from evac.importing.importing import PICTURE, PLAN, REPORT
 

@@ -4,14 +4,14 @@ import argparse
 import itertools
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.base.display import Display
-from evac.base.errors import BuildingError, EvacError, ResultError, counted, in_order
+from evac.base.errors import BuildingError, EvacError, ResultError, ScenarioError, counted, in_order
 from evac.cli.inputs import case_of, case_to_run, declare_case
 from evac.cli.screen import note, show_facts, show_table, show_warnings
 from evac.contract.hooks import DEFAULT_FIRE
@@ -27,8 +27,6 @@ from evac.folder.files import (
 from evac.folder.resultfolder import find_result, is_within
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from evac.building.model.building import Building, Exit, Level, Portal
     from evac.building.model.findings import Finding
     from evac.case.case import Case
@@ -68,7 +66,6 @@ def execute_check(arguments: argparse.Namespace) -> int:
 
 def _check_building(arguments: argparse.Namespace, path: Path) -> int:
     """Show what is in a building file."""
-    from evac.base.errors import ScenarioError
     from evac.building.model.findings import refusal
     from evac.building.surface.build import check_exits
     from evac.contract.registry import Registry

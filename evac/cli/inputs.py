@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.cli.screen import note
+from evac.base.errors import ResultError, ScenarioError
+from evac.cli.screen import note, show_warnings
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -29,7 +30,6 @@ def values_of(option: str, words: list[str]) -> dict[str, Any]:
     """Return values given to an option as NAME=VALUE."""
     if not words:
         return {}
-    from evac.base.errors import ScenarioError
     from evac.case.overrides import parsed
 
     pairs, faults = parsed(words)
@@ -65,7 +65,6 @@ def positive(text: str) -> int:
 def maps_of(option: str, words: str) -> tuple[str, ...]:
     """Return the names of maps given to an option, separated by commas, or of all maps."""
     from evac.analysis.maps import QUANTITIES
-    from evac.base.errors import ResultError
     from evac.base.parameters import did_you_mean
 
     names = tuple(QUANTITIES) if words == "all" else tuple(words.split(","))
@@ -77,7 +76,6 @@ def maps_of(option: str, words: str) -> tuple[str, ...]:
 
 def case_of(arguments: argparse.Namespace) -> "Case":
     """Load the case named by the arguments; plugin files named in the case are not executed."""
-    from evac.base.errors import ScenarioError
     from evac.case.loading import load_case
 
     overrides = list(arguments.set)
@@ -114,7 +112,6 @@ def default_folder(case: "Case", what: str = "result") -> Path:
 
 def trajectory_of(arguments: argparse.Namespace) -> "Trajectory":
     """Read the trajectory of RESULT, or, with a note, of RESULT.running if the run has not ended."""
-    from evac.cli.screen import show_warnings
     from evac.folder.resultfolder import check_result, find_result
     from evac.trajectory.trajectory import read_trajectory
 

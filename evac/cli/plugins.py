@@ -11,8 +11,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from evac.base.display import Display
+from evac.base.errors import EvacError, PluginError
 from evac.cli.cases import title_of
 from evac.cli.inputs import declare_plugin
+from evac.cli.main import BAD_INPUT
 from evac.cli.screen import note, say, show_facts, shown
 
 if TYPE_CHECKING:
@@ -41,7 +44,6 @@ def execute_plugins(arguments: argparse.Namespace) -> int:
     """
     if arguments.check is not None:
         return _check(arguments.check, arguments.plugins, arguments.case)
-    from evac.base.errors import PluginError
     from evac.base.parameters import did_you_mean
     from evac.contract.registry import Registry
 
@@ -74,9 +76,7 @@ def execute_plugins(arguments: argparse.Namespace) -> int:
 
 def _check(file: str, others: list[str], case_name: str | None = None) -> int:
     """Check all plugins in a file, after those of --plugin; print a line for each; return 0, or 2 if one fails."""
-    from evac.base.errors import EvacError
     from evac.case.loading import load_case, run_plugin_files
-    from evac.cli.main import BAD_INPUT
     from evac.conformance import check_plugin, tried_in
     from evac.contract.registry import Registry
 
@@ -178,7 +178,6 @@ def execute_cache(arguments: argparse.Namespace) -> int:
 
 
 def _compile_all(plugins: list[str]) -> None:
-    from evac.base.display import Display
     from evac.contract.registry import Registry
     from evac.jit.loading import addresses_of
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evac.base.errors import counted
+from evac.base.errors import ResultError, counted
 from evac.cli.inputs import (
     declare_plugin,
     declare_result,
@@ -19,9 +19,9 @@ from evac.cli.inputs import (
     values_of,
     with_plugin_files,
 )
-from evac.cli.screen import STYLES, note, say, show_table
+from evac.cli.screen import STYLES, note, say, show_table, show_warnings
 from evac.cli.studies import study_of
-from evac.folder.files import FILM_NAME, PICTURE_NAME, REPLAY_NAME
+from evac.folder.files import FILM_NAME, PICTURE_NAME, REPLAY_NAME, REPORT_NAME, SUMMARY_NAME
 
 if TYPE_CHECKING:
     from evac.study.study import Study
@@ -77,7 +77,6 @@ def execute_map(arguments: argparse.Namespace) -> int:
     Each map is a picture with the plans of all storeys. Also works during a run and after a run was killed.
     """
     from evac.analysis.maps import KERNEL_RADIUS, SPACING, level_maps
-    from evac.base.errors import ResultError
 
     quantities = maps_of("--of", arguments.of)
     trajectory = trajectory_of(arguments)
@@ -134,7 +133,6 @@ def execute_render(arguments: argparse.Namespace) -> int:
 
     Also works during a run and after a run was killed.
     """
-    from evac.cli.screen import show_warnings
     from evac.pictures.render import FILMS, Renderer, number_of_pictures, render_animation, render_picture
     from evac.pictures.scales import LEGEND_GROUPS
     from evac.pictures.view import Camera
@@ -213,8 +211,6 @@ def execute_report(arguments: argparse.Namespace) -> int:
     documentation. Fields not filled in by options are left empty.
     """
     from evac.analysis.congestion import DENSITY
-    from evac.base.errors import ResultError
-    from evac.folder.files import REPORT_NAME
     from evac.folder.resultfolder import check_result, find_result
     from evac.report.of_run import BUNDLE_NAME, run_report, write_bundle
     from evac.report.pages import Labels, write_page
@@ -290,7 +286,6 @@ def execute_compare(arguments: argparse.Namespace) -> int:
 def _designs(arguments: argparse.Namespace) -> "Iterator[Path | Study]":
     """Yield the results, and with --runs the studies of the cases, whose seeds are those of the first one."""
     from evac.case.loading import load_case
-    from evac.folder.files import SUMMARY_NAME
     from evac.folder.resultfolder import check_result, find_result
 
     seed, folders = list[str](), set[Path]()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.base.display import Display
-from evac.base.errors import counted, text_of
+from evac.base.errors import EvacError, ScenarioError, counted, text_of
 from evac.cli.inputs import (
     case_to_run,
     declare_case,
@@ -128,7 +128,6 @@ def _declare_study(parser: argparse.ArgumentParser) -> None:
 
 def run_study(arguments: argparse.Namespace, points: "Sequence[Point]", folder: Path) -> int:
     """Run and show the study of some points; return 2 if runs failed, else 3 if people are left in any run, else 0."""
-    from evac.base.errors import ScenarioError
     from evac.study.api import execute_study
     from evac.study.execute import dask_executor
     from evac.study.statistics import IMO_POPULATIONS, IMO_REPETITIONS
@@ -179,7 +178,6 @@ def study_of(case: "Case", runs: int, folder: Path, maps: bool) -> "Study":
 
 def prepare(case: "Case") -> None:
     """Compile missing kernels, show warnings, and keep building and directions; the study tells if a run is refused."""
-    from evac.base.errors import EvacError
     from evac.simulation.shared import simulation_of
 
     warnings: tuple[str, ...] = ()
@@ -295,7 +293,6 @@ def share(text: str) -> float:
 
 def swept(overrides: "Sequence[str]") -> tuple[dict[str, list[Any]], list[str]]:
     """Return the keys with several values, and the overrides with a single value."""
-    from evac.base.errors import ScenarioError
     from evac.case.overrides import split_values, value_of
 
     several: dict[str, list[Any]] = {}
@@ -315,7 +312,6 @@ def swept(overrides: "Sequence[str]") -> tuple[dict[str, list[Any]], list[str]]:
 
 def _case_of_sweep(arguments: argparse.Namespace, fixed: list[str]) -> "Case | None":
     """Return the case of the sweep; None if the table names all cases."""
-    from evac.base.errors import ScenarioError
     from evac.case.loading import load_case
 
     if arguments.case is None and arguments.table is None:
@@ -329,7 +325,6 @@ def _case_of_sweep(arguments: argparse.Namespace, fixed: list[str]) -> "Case | N
 
 def _with_files_beside(folder: Path, case: "Case") -> "Case":
     """Execute the plugin files of a case that a table in a folder names; both must lie there."""
-    from evac.base.errors import ScenarioError
     from evac.case.loading import is_inside
 
     if case.unloaded_files and not is_inside(case.source, folder):

@@ -12,17 +12,16 @@ from evac.base.change import Change
 from evac.base.errors import ScenarioError, fault, plugin_code, usable_path
 from evac.base.parameters import Configurable, did_you_mean
 from evac.base.saved import FINITE, Saved
+from evac.building.model.building import Building
 from evac.building.model.cells import LevelField
 from evac.building.model.elevation import elevation
+from evac.directions.fields import Fields
+from evac.directions.routes import Route
 from evac.jit import kernel
-from evac.physics.state import Crowd
+from evac.physics.state import Crowd, World
 
 if TYPE_CHECKING:
-    from evac.building.model.building import Building
-    from evac.directions.fields import Fields
-    from evac.directions.routes import Route
     from evac.people.outside import Outside
-    from evac.physics.state import World
     from evac.simulation.scene import Scene
 
 
@@ -99,7 +98,7 @@ class Behaviour(Configurable, Saved):
         """
         return radius
 
-    def routes(self) -> tuple["Route", ...]:
+    def routes(self) -> tuple[Route, ...]:
         """Return the routes that it may assign in addition to those of the groups; each needs a field.
 
         Returns
@@ -302,17 +301,17 @@ class BehaviourScene:
         return elevation(self.building, self.crowd.level, self.crowd.position)
 
     @property
-    def building(self) -> "Building":
+    def building(self) -> Building:
         """The building with its current open and closed links."""
         return self.scene.building
 
     @property
-    def fields(self) -> "Fields":
+    def fields(self) -> Fields:
         """The current directions."""
         return self.scene.fields
 
     @property
-    def world(self) -> "World":
+    def world(self) -> World:
         """Building and directions as kernels read them; it changes with the scene."""
         return self.scene.world
 

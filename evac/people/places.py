@@ -16,6 +16,7 @@ from evac.base.saved import FINITE, Bounds, Saved
 from evac.building.model.building import Area, Building, Place
 from evac.building.options import Placed
 from evac.building.surface.places import find_level
+from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.people.groups import route_of
 from evac.physics.state import Crowd
@@ -23,7 +24,6 @@ from evac.physics.state import Crowd
 if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.case.schema import GroupSettings, PlaceSettings
-    from evac.directions.fields import Fields
 
 #: Distance from a level within which a sign may be, so that it may hang on a wall [m].
 ON_WALL = 0.5
@@ -121,7 +121,7 @@ def is_limited(people: "GroupSettings") -> bool:
 
 
 def have_stopped(
-    fields: "Fields", crowd: Crowd, rows: NDArray[np.integer[Any]], velocity: FloatArray, place: Area | Place
+    fields: Fields, crowd: Crowd, rows: NDArray[np.integer[Any]], velocity: FloatArray, place: Area | Place
 ) -> NDArray[np.integer[Any]]:
     """Return the people who are in a place and come no nearer to its innermost point, because others stand there."""
     shape = place.polygon if isinstance(place, Area) else place.shape
@@ -229,7 +229,7 @@ class Places(Saved):
         self._before[rows[goes]] = routes[goes]
         self._crowd.route[rows[~goes]] = routes[~goes]
 
-    def assign(self, fields: "Fields") -> None:
+    def assign(self, fields: Fields) -> None:
         """Send people to places, and those who have none to their exits, unless a behaviour leads them to an area."""
         taken_up = np.bincount(self._meant[self._meant >= 0], minlength=len(self._places))
         for group, ways in enumerate(self._ways):
@@ -269,9 +269,7 @@ class Places(Saved):
         if self._meant[row] >= 0:
             taken_up[self._meant[row]] += 1
 
-    def _times(
-        self, fields: "Fields", rows: NDArray[np.integer[Any]], routes: IntArray, is_limited: bool
-    ) -> FloatArray:
+    def _times(self, fields: Fields, rows: NDArray[np.integer[Any]], routes: IntArray, is_limited: bool) -> FloatArray:
         """Return the travel times of people on their routes [s], inf if no way is as wide as their bodies."""
         crowd = self._crowd
         place = crowd.ways(rows, routes)
@@ -280,7 +278,7 @@ class Places(Saved):
             times[~fields.are_passable(*place)] = np.inf
         return times
 
-    def settle(self, time: float, fields: "Fields", velocity: FloatArray) -> None:
+    def settle(self, time: float, fields: Fields, velocity: FloatArray) -> None:
         """Let those stay who have come to a stop in their place; velocities (n, 2) are those of displacement [m/s]."""
         crowd = self._crowd
         for index, place in enumerate(self._places):

@@ -19,6 +19,7 @@ from evac.building.model.building import DOWN, FLAT, UP, Area, Building
 from evac.building.model.elevation import elevation
 from evac.building.model.findings import Finding
 from evac.building.surface.places import HEIGHT_REACH
+from evac.directions.fields import Fields
 from evac.people.behaviour import Behaviour, is_legal
 from evac.people.groups import check_people, contact_radii, opens_later, route_of
 from evac.people.placement import clearance, place
@@ -29,7 +30,6 @@ from evac.physics.state import Crowd, Events, make_crowd
 if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.case.schema import GroupSettings
-    from evac.directions.fields import Fields
 
 
 #: Tolerance for rounded positions outside a level or inside a wall [m].
@@ -289,7 +289,7 @@ class Population(Saved):
 
 
 def build_population(
-    case: "Case", building: Building, fields: "Fields", seed: int, behaviours: Sequence[Behaviour] = ()
+    case: "Case", building: Building, fields: Fields, seed: int, behaviours: Sequence[Behaviour] = ()
 ) -> Population:
     """Draw the properties and start positions of all people.
 
@@ -340,7 +340,7 @@ def build_population(
     return Population(crowd, groups, building, len(fields.routes), staying, sources, tuple(dict.fromkeys(findings)))
 
 
-def _route_index(case: "Case", people: "GroupSettings", fields: "Fields") -> int:
+def _route_index(case: "Case", people: "GroupSettings", fields: Fields) -> int:
     route = route_of(people)
     if route not in fields.routes:
         raise ScenarioError(
@@ -440,7 +440,7 @@ def _levels_of(case: "Case", building: Building, people: "GroupSettings", positi
 def _take_area(
     case: "Case",
     building: Building,
-    fields: "Fields",
+    fields: Fields,
     crowd: Crowd,
     people: "GroupSettings",
     rows: IntArray,

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,8 +22,6 @@ from evac.physics.seams import crossing, passes_through, side_of, walls_near
 from evac.physics.state import Crowd, World
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from evac.people.population import Group
 
 #: Step length of a walk, in cells.
@@ -48,7 +47,7 @@ class Measures(Struct):
 
 
 def check_ways(
-    source: "Path",
+    source: Path,
     building: Building,
     fields: Fields,
     world: World,
@@ -116,7 +115,7 @@ def without_way(fields: Fields, crowd: Crowd) -> BoolArray:
 
 
 def _check_walks(
-    source: "Path",
+    source: Path,
     building: Building,
     fields: Fields,
     world: World,
@@ -239,7 +238,7 @@ def _stopped_places(
     return findings
 
 
-def _affected(source: "Path", building: Building, crowd: Crowd, group: "Group", rows: IntArray, what: str) -> str:
+def _affected(source: Path, building: Building, crowd: Crowd, group: "Group", rows: IntArray, what: str) -> str:
     """Return the beginning of a message: the number of affected people of a group, the problem and the place."""
     x, y = crowd.position[rows[0]]
     return (
@@ -249,7 +248,7 @@ def _affected(source: "Path", building: Building, crowd: Crowd, group: "Group", 
 
 
 def _unreachable(
-    source: "Path",
+    source: Path,
     building: Building,
     fields: Fields,
     crowd: Crowd,

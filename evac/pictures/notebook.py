@@ -7,6 +7,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from evac.building.model.building import Building
 from evac.folder.files import REPLAY_NAME
 from evac.pictures.palette import VERDICTS
 from evac.results.tables import TABLES
@@ -14,7 +15,6 @@ from evac.results.tables import TABLES
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from evac.building.model.building import Building
     from evac.results.results import Results
     from evac.results.verdict import Verdict
 
@@ -45,7 +45,7 @@ def verdict_html(verdict: "Verdict") -> str:
     return f'<p style="{style}"><b>{escape(verdict["text"])}</b></p>'
 
 
-def building_figure(building: "Building") -> "Figure":
+def building_figure(building: Building) -> "Figure":
     """Return a figure with the plan of every storey of a building and its warnings."""
     from evac.pictures.annotated import levels_figure
 

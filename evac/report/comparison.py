@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from evac.analysis.maps import LevelMaps, level_maps
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError, counted
 from evac.base.parameters import PATH, check_types
 from evac.building.model.building import Building
+from evac.pictures.pictures import designs_figure
 from evac.report import figures
 from evac.report.pages import KINDS, Cell, fixed, rendered
 from evac.results.answer import MOST, time_of_share
@@ -26,7 +28,6 @@ from evac.study.statistics import Estimate, difference
 from evac.study.study import Study, read_study
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from pandas import DataFrame
 
 #: Maps of which differences are drawn.
@@ -122,10 +123,8 @@ class Comparison:
             for change in self.differences
         )
 
-    def plot(self) -> "Figure":
+    def plot(self) -> Figure:
         """Return the curves of people out over time, means and bands over the runs of each design, as a figure."""
-        from evac.pictures.pictures import designs_figure
-
         return designs_figure("", self.people, self.curves())
 
     @property

@@ -1,6 +1,7 @@
 """What judges a run: how it ends, and checks of velocities, forces, overlaps and densities during it."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,6 @@ from evac.directions.fields import Fields
 from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from evac.case.schema import SimulationSettings
 
 #: Time over which the speeds of each person are averaged [s].
@@ -305,7 +304,7 @@ class Ending(Saved):
         self._progress_at = np.zeros(people)  # time of the last progress [s]
         self._seen = -1  # somebody who was on the way at the last look
 
-    def begin_anew(self, rows: "Sequence[int] | slice" = slice(None)) -> None:
+    def begin_anew(self, rows: Sequence[int] | slice = slice(None)) -> None:
         """Forget the least travel times of people, for whom other ways may be longer now; by default of everybody."""
         self._least[:, rows] = np.inf
 

@@ -62,6 +62,7 @@ from evac.results.quality import (
 )
 from evac.results.recordedcase import CaseTable
 from evac.results.verdict import Verdict, verdict_of
+from evac.trajectory.trajectory import Trajectory, read_trajectory, trajectory_in_memory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,7 +71,6 @@ if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.results.answer import Answer
     from evac.results.tables import Rows
-    from evac.trajectory.trajectory import Trajectory
 
 #: Packages whose version can affect results.
 NUMERICAL_PACKAGES = ("evac", "numpy", "scipy", "numba", "shapely", "scikit-fmm")
@@ -370,10 +370,8 @@ class Results:
         return self.building_or_none
 
     @cached_property
-    def trajectory(self) -> "Trajectory | None":
+    def trajectory(self) -> Trajectory | None:
         """The recorded motion, in memory for a run without a folder; None if the case or `Simulation` wants none."""
-        from evac.trajectory.trajectory import read_trajectory, trajectory_in_memory
-
         if self.recorded:
             return trajectory_in_memory(self.recorded)
 

@@ -5,33 +5,32 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from evac.base.errors import BuildingError, PluginError, ScenarioError, fault, naming, plugin_code, text_of, usable_path
+from evac.building.model.building import Building
 from evac.building.model.findings import Finding
 from evac.building.options import BuildingOptions
 from evac.building.surface.build import build_building
 from evac.building.surface.surfacemesh import SurfaceMesh
 from evac.contract.hooks import DEFAULT_DISPATCHER
 from evac.contract.registry import Registry, built_in, create
+from evac.people.behaviour import Behaviour
 from evac.people.groups import check_people, opens_later
 from evac.people.places import Places, with_places
 from evac.people.population import Population, build_population
 from evac.people.starts import with_numbers
 from evac.people.ways import check_ways
-from evac.physics.contact.model import border_scene
+from evac.physics.contact.model import ContactModel, SolvedContactModel, border_scene
 from evac.physics.engine import CompiledEngine, Engine
+from evac.physics.force import Force
 from evac.simulation.needed import solve_fields
 from evac.simulation.scene import Scene, SharedScene
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer
-    from evac.building.model.building import Building
     from evac.building.plan.plan import Plan
     from evac.case.case import Case
     from evac.conditions.exposure import Exposure
     from evac.conditions.safety import Safety
-    from evac.people.behaviour import Behaviour
     from evac.people.dispatcher import Dispatcher
-    from evac.physics.contact.model import ContactModel
-    from evac.physics.force import Force
     from evac.simulation.lifts import Lifts
     from evac.simulation.simulation import Simulation
     from evac.trajectory.recorder import Recorder
@@ -43,7 +42,7 @@ Found = TypeVar("Found")
 ENGINE = CompiledEngine
 
 
-def make_building(case: "Case") -> "Building":
+def make_building(case: "Case") -> Building:
     """Return the building of a case, read from its file or its plan."""
     if case.building.plan is not None:
         read: SurfaceMesh | Plan = _plan_of(case)
@@ -64,7 +63,7 @@ def _plan_of(case: "Case") -> "Plan":
 
 def read_building(
     path: str | Path, *, registry: Registry | None = None, need_exit: bool = True, **options: Any
-) -> "Building":
+) -> Building:
     """Return the building in a file, without a case.
 
     Parameters
@@ -101,7 +100,7 @@ def read_building(
 
 def _built(
     read: "SurfaceMesh | Plan", registry: Registry, source: Path, options: BuildingOptions, *, need_exit: bool = True
-) -> "Building":
+) -> Building:
     """Return the building of what an importer has read, or of the plan of a case."""
     if isinstance(read, SurfaceMesh):
         return build_building(read, source, options, need_exit=need_exit)
@@ -131,10 +130,8 @@ def _importer(case: "Case", path: Path) -> "Importer":
     return made
 
 
-def make_contact_model(case: "Case") -> "ContactModel":
+def make_contact_model(case: "Case") -> ContactModel:
     """Return the contact model in use, with its parameters."""
-    from evac.physics.contact.model import SolvedContactModel
-
     name = case.contact.model
     model = case.registry.get("contact_model", name)
     made: ContactModel = create("contact model", model, case.contact.tables.get(name, {}))
@@ -146,7 +143,7 @@ def make_contact_model(case: "Case") -> "ContactModel":
     return made
 
 
-def make_shared_scene(case: "Case", building: "Building | None" = None) -> SharedScene:
+def make_shared_scene(case: "Case", building: Building | None = None) -> SharedScene:
     """Return building and directions of a case, as its simulation computes them; `building`: without its places."""
     building = make_building(case) if building is None else with_places(case, building)
     check_people(case, building)
@@ -156,7 +153,7 @@ def make_shared_scene(case: "Case", building: "Building | None" = None) -> Share
 
 
 def make_population(
-    case: "Case", shared_scene: SharedScene, contact: "ContactModel", behaviours: "Sequence[Behaviour]"
+    case: "Case", shared_scene: SharedScene, contact: ContactModel, behaviours: Sequence[Behaviour]
 ) -> tuple[Population, Places, tuple[Finding, ...], float]:
     """Draw the people of a case, and check all that depends on them before a run.
 
@@ -214,7 +211,7 @@ def make_safety(case: "Case", scene: SharedScene, people: Population, exposure: 
     return Safety(case, scene.building, people.crowd, air, people.staying, scene.floors)
 
 
-def make_engine(simulation: "Simulation", behaviours: "Sequence[Behaviour]") -> Engine:
+def make_engine(simulation: "Simulation", behaviours: Sequence[Behaviour]) -> Engine:
     """Return the engine of a simulation with its people and forces."""
     scene, people = simulation.scene, len(simulation.population.crowd.level)
     return ENGINE(
@@ -228,12 +225,12 @@ def make_engine(simulation: "Simulation", behaviours: "Sequence[Behaviour]") -> 
     )
 
 
-def make_forces(case: "Case") -> "list[Force]":
+def make_forces(case: "Case") -> list[Force]:
     """Return the forces in use, in the order of the case."""
     return _all_made(case, "force", case.forces)
 
 
-def make_behaviours(case: "Case") -> "list[Behaviour]":
+def make_behaviours(case: "Case") -> list[Behaviour]:
     """Return the behaviours in use, in the order of the case; those with `acts_last` come last."""
     made: list[Behaviour] = _all_made(case, "behaviour", case.behaviours)
     return sorted(made, key=lambda behaviour: behaviour.acts_last)

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from evac.base.errors import FolderWarning, PluginError, ResultError, in_one_line
 from evac.base.parameters import Configurable
 from evac.base.saved import Saved, SavedError, part_of, taken
+from evac.case.case import Case
 from evac.case.loading import case_from, named_files, run_plugin_files
+from evac.contract.registry import Registry
 from evac.folder.digests import differences, digest_of_data, digest_of_file
 from evac.folder.files import CHECKPOINT_NAME, content_of, replacing
 from evac.folder.resultfolder import ResultFolder, find_result, is_link, is_within
@@ -37,10 +39,6 @@ from evac.simulation.loop import Operation
 from evac.simulation.simulation import Simulation
 from evac.trajectory.recorder import Recorder
 from evac.trajectory.trajectory import building_to_json
-
-if TYPE_CHECKING:
-    from evac.case.case import Case
-    from evac.contract.registry import Registry
 
 #: First bytes of an archive, and the number of the format of its header and arrays.
 ARCHIVE = b"PK"
@@ -238,10 +236,10 @@ class Checkpoint:
     def case(
         self,
         plugin_files: Iterable[str | Path] = (),
-        registry: "Registry | None" = None,
+        registry: Registry | None = None,
         case_file: str | Path | None = None,
         announce: Callable[[Path], None] | None = None,
-    ) -> "Case":
+    ) -> Case:
         """Return the case of the run."""
         given = self.header.case
         source = Path(given.source)
@@ -339,7 +337,7 @@ def without_state(simulation: Simulation) -> list[str]:
     return lines
 
 
-def inputs_of(case: "Case") -> dict[str, dict[str, str]]:
+def inputs_of(case: Case) -> dict[str, dict[str, str]]:
     """Return versions, processor and file digests that the results depend on besides the case and the kernels."""
     files = {str(path): path for path in case.plugin_files}
     if case.mesh is not None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from evac.base.errors import ScenarioError, counted, plugin_code
 from evac.base.parameters import did_you_mean
+from evac.building.model.building import Building
 from evac.directions.build import build_fields
 from evac.directions.descent import add_lengths, descend
 from evac.directions.fields import Fields
@@ -25,7 +26,6 @@ from evac.physics.force import Force
 from evac.physics.world import walls_behind_exits
 
 if TYPE_CHECKING:
-    from evac.building.model.building import Building
     from evac.case.case import Case
     from evac.physics.contact.model import ContactModel
     from evac.physics.engine import Engine
@@ -64,7 +64,7 @@ def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> 
     return tuple(dict.fromkeys(wanted))
 
 
-def _check_names(case: "Case", building: "Building", routes: Sequence[Route]) -> None:
+def _check_names(case: "Case", building: Building, routes: Sequence[Route]) -> None:
     """Refuse a parameter of a behaviour that names an exit or an area of a route which does not exist."""
     given = [(name, key, value) for name, table in case.behaviours.items() for key, value in (table or {}).items()]
     for what, known, named in (
@@ -110,7 +110,7 @@ def field_settings(case: "Case", behaviours: Sequence[Behaviour], full: bool) ->
 
 def solve_fields(
     case: "Case",
-    building: "Building",
+    building: Building,
     behaviours: Sequence[Behaviour],
     full: bool,
     workers: int | None,
@@ -136,7 +136,7 @@ def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
 def run_kernels(
     case: "Case",
     engine: "type[Engine]",
-    building: "Building",
+    building: Building,
     model: "ContactModel",
     forces: Sequence[Force],
     behaviours: Sequence[Behaviour],

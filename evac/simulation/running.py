@@ -10,13 +10,15 @@ from dataclasses import replace
 from numbers import Real
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 from evac.base.display import displayed
 from evac.base.errors import EvacError, FolderWarning, ResultError, ScenarioError, in_one_line, warn
 from evac.base.parameters import PATH, check_types
 from evac.base.phases import Progress
+from evac.case.case import Case
 from evac.case.loading import as_case
+from evac.contract.registry import Registry
 from evac.folder.files import (
     ANIMATION_NAME,
     CHECKPOINT_NAME,
@@ -30,13 +32,9 @@ from evac.simulation.checkpoints import Checkpoints, differences_of, find_checkp
 from evac.simulation.loop import Operation
 from evac.simulation.simulation import Simulation
 
-if TYPE_CHECKING:
-    from evac.case.case import Case
-    from evac.contract.registry import Registry
-
 
 def run(
-    case: "Case | str | Path | Mapping[str, Any]",
+    case: Case | str | Path | Mapping[str, Any],
     folder: str | Path | None = None,
     *,
     full: bool = False,
@@ -107,7 +105,7 @@ def resume(
     folder: str | Path,
     *,
     plugin_files: Iterable[str | Path] = (),
-    registry: "Registry | None" = None,
+    registry: Registry | None = None,
     checkpoint: float | None = None,
     allow_differences: bool = False,
     case_file: str | Path | None = None,
@@ -165,7 +163,7 @@ def resume(
 def resumed(
     place: ResultFolder,
     plugin_files: Iterable[str | Path] = (),
-    registry: "Registry | None" = None,
+    registry: Registry | None = None,
     allow_differences: bool = False,
     case_file: str | Path | None = None,
     compiling: Callable[[int, int], None] | None = None,

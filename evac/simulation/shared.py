@@ -13,16 +13,14 @@ from collections import OrderedDict
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from evac.case.case import Case
 from evac.folder.digests import digest_of_file
 from evac.simulation import needed
 from evac.simulation.assembly import files_of_building, make_behaviours, make_importers, make_shared_scene
 from evac.simulation.scene import SharedScene
 from evac.simulation.simulation import Simulation
-
-if TYPE_CHECKING:
-    from evac.case.case import Case
 
 #: Number of shared scenes that a process keeps.
 MOST_SCENES = 8
@@ -67,7 +65,7 @@ def read_shared_scene(file: SharedSceneFile) -> SharedScene:
     return scene
 
 
-def shared_key(case: "Case") -> str:
+def shared_key(case: Case) -> str:
     """Return a digest that is equal for two cases only if their building and directions are the same.
 
     It covers the files of the building, how they are read, and everything that the directions depend on. Other settings
@@ -108,12 +106,12 @@ def _keep(key: str, scene: SharedScene) -> SharedScene:
     return scene
 
 
-def shared_scene(case: "Case", key: str, file: SharedSceneFile | None = None) -> SharedScene:
+def shared_scene(case: Case, key: str, file: SharedSceneFile | None = None) -> SharedScene:
     """Return the scene of a case, from the cache or the file, or computed and cached; errors as `make_shared_scene`."""
     return _kept(key, file) or _keep(key, make_shared_scene(case))
 
 
-def simulation_of(case: "Case", key: str = "", file: SharedSceneFile | None = None, **options: Any) -> Simulation:
+def simulation_of(case: Case, key: str = "", file: SharedSceneFile | None = None, **options: Any) -> Simulation:
     """Return a simulation of a case; its shared scene is taken from the cache or the file, or computed and cached."""
     key = key or shared_key(case)
     scene = _kept(key, file)

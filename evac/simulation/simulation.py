@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from evac.base.saved import Bounds, Saved, SavedError, part_of, state_of
 from evac.building.model.building import Building
 from evac.building.model.findings import Finding, as_findings, keyed, warnings_of
 from evac.building.model.narrow import narrow_places
+from evac.case.case import Case
 from evac.case.loading import as_case, run_plugin_files
 from evac.case.schema import LONGEST_RUN
 from evac.contract.registry import Registry
@@ -39,9 +40,6 @@ from evac.simulation.loop import Loop
 from evac.simulation.scene import Scene, SharedScene, doorway_warning
 from evac.simulation.timetable import Timetable
 from evac.trajectory.recorder import Recorder, Recording
-
-if TYPE_CHECKING:
-    from evac.case.case import Case
 
 
 class Simulation(Saved):
@@ -123,7 +121,7 @@ class Simulation(Saved):
 
     def __init__(
         self,
-        case: "Case | str | Path | Mapping[str, Any]",
+        case: Case | str | Path | Mapping[str, Any],
         folder: str | Path | None = None,
         full: bool = False,
         *,

@@ -8,10 +8,11 @@ from contextlib import suppress
 from numbers import Integral, Real
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 from evac.base.errors import EvacError, PluginError, ResultError, ScenarioError, warn
 from evac.base.parameters import PATH, check_types, did_you_mean
+from evac.case.case import Case
 from evac.case.loading import as_case, run_plugin_files
 from evac.folder.files import RUNS_STREAM_NAME, STUDY_NAME
 from evac.folder.resultfolder import ResultFolder, remove_written
@@ -23,9 +24,6 @@ from evac.study.outputs import quality_of, remarks_of, write_outputs, write_repl
 from evac.study.points import Point, Seeds
 from evac.study.stopping import MOST_OF_STUDY, rule_of
 from evac.study.study import Study, StudyProgress
-
-if TYPE_CHECKING:
-    from evac.case.case import Case
 
 
 class StudyOptions(TypedDict, total=False):
@@ -45,7 +43,7 @@ class StudyOptions(TypedDict, total=False):
 
 
 def repeat(
-    case: "Case | str | Path | Mapping[str, Any]",
+    case: Case | str | Path | Mapping[str, Any],
     runs: int | None = None,
     *,
     check_step: bool = False,
@@ -117,7 +115,7 @@ def repeat(
 
 
 def sweep(
-    case: "Case | str | Path | Mapping[str, Any]",
+    case: Case | str | Path | Mapping[str, Any],
     parameters: Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Any]],
     runs: int | None = None,
     **options: Unpack[StudyOptions],

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +22,15 @@ from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError, ProcessWarning, SimulationError, in_one_line
 from evac.base.phases import Progress
 from evac.base.processes import Pool
+from evac.case.case import Case
+from evac.case.loading import case_from
+from evac.contract.registry import Registry
 from evac.results.ending import EVERYBODY_OUT, EVERYBODY_SAFE, FAILED, INTERRUPTED, Stopped
+from evac.results.results import Results
 from evac.results.tables import numbers_of
 from evac.simulation.shared import SharedSceneFile, shared_scene, simulation_of, write_shared_scene
 from evac.study.maps import maps_of
 from evac.study.points import SEEDS, Point, Seeds
-
-if TYPE_CHECKING:
-    from evac.case.case import Case
-    from evac.contract.registry import Registry
-    from evac.results.results import Results
 
 #: Estimated wall time of the remaining tasks from which a pool makes them: its processes take half of it to start [s].
 JOINING = 3.0
@@ -228,7 +227,7 @@ def _row_of(future: "Future[Row]", task: Task) -> Row:
     return future.result()
 
 
-def make_row(task: Task, case: "Case | None" = None, tick: Callable[[Progress], None] | None = None) -> Row:
+def make_row(task: Task, case: Case | None = None, tick: Callable[[Progress], None] | None = None) -> Row:
     """Execute a task in this process; an error of the run makes a row with that error."""
     order, base = task.order, case if case is not None else _case_of(task.order)
     try:
@@ -244,7 +243,7 @@ def make_row(task: Task, case: "Case | None" = None, tick: Callable[[Progress], 
         return _failed_row(task, error)
 
 
-def _row(task: Task, results: "Results") -> Row:
+def _row(task: Task, results: Results) -> Row:
     """Return the row of a run."""
     crowd, population_seed = results.crowd, results.settings["simulation"].get("population_seed")
     return Row(
@@ -263,7 +262,7 @@ def _row(task: Task, results: "Results") -> Row:
     )
 
 
-def _told(results: "Results") -> dict[str, Any]:
+def _told(results: Results) -> dict[str, Any]:
     """Return what a run tells besides its times: number of people, the numbers of its tables, and compartments."""
     return {
         "people": len({*results.leaving.tolist(), *(row for place in results.places for row in place.people)}),
@@ -297,21 +296,17 @@ def order_of(point: Point, seeds: Seeds, digest: str, key: str, is_mapped: bool)
     return Order(point.index, where, digest, case.table, case.source, files, seeds, key, is_mapped=is_mapped)
 
 
-_cases: dict[str, "Case"] = {}
+_cases: dict[str, Case] = {}
 
 
 @lru_cache(maxsize=8)
-def _registry(plugin_files: tuple[Path, ...]) -> "Registry":
+def _registry(plugin_files: tuple[Path, ...]) -> Registry:
     """Return the registry of a study, created once in each process."""
-    from evac.contract.registry import Registry
-
     return Registry(plugin_files)
 
 
-def _case_of(order: Order) -> "Case":
+def _case_of(order: Order) -> Case:
     """Return the checked case of an order; only that of the last point is cached."""
-    from evac.case.loading import case_from
-
     if order.digest not in _cases:
         registry = _registry(order.plugin_files)
         case = case_from(order.table, order.source, plugin_files=order.plugin_files, registry=registry)

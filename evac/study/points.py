@@ -8,14 +8,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from evac.base.errors import ScenarioError
-from evac.case.loading import run_plugin_files
-
-if TYPE_CHECKING:
-    from evac.case.case import Case
-    from evac.contract.registry import Registry
+from evac.case.case import Case
+from evac.case.loading import load_case, run_plugin_files
+from evac.case.overrides import value_of
+from evac.contract.registry import Registry
 
 #: Keys that a study sets for each run.
 SEEDS = ("simulation.seed", "simulation.population_seed")
@@ -37,12 +36,12 @@ class Point:
 
     index: int
     # the case without these parameters; a callable is called when the case is first needed
-    base: "Case | Callable[[], Case]"
+    base: Case | Callable[[], Case]
     # values set at this point, by dotted key; for a table with several cases also ``case``
     parameters: Mapping[str, Any]
 
     @cached_property
-    def case(self) -> "Case":
+    def case(self) -> Case:
         """The case with these parameters."""
         base = self.base() if callable(self.base) else self.base
         changes = {key: value for key, value in self.parameters.items() if key != CASE_COLUMN}
@@ -75,18 +74,18 @@ class Seeds:
         return run // self.repetitions
 
 
-def single(case: "Case") -> tuple[Point, ...]:
+def single(case: Case) -> tuple[Point, ...]:
     """Return the one point of a study without parameters."""
     return (Point(0, case, {}),)
 
 
-def halved_steps(case: "Case") -> tuple[Point, ...]:
+def halved_steps(case: Case) -> tuple[Point, ...]:
     """Return the points that check the time step of a case: its step, and half of it."""
     step = case.simulation.step
     return _points((case, {STEP: value}) for value in (step, 0.5 * step))
 
 
-def grid(case: "Case", parameters: Mapping[str, Sequence[Any]]) -> tuple[Point, ...]:
+def grid(case: Case, parameters: Mapping[str, Sequence[Any]]) -> tuple[Point, ...]:
     """Return a point for each combination of values; those of the last key vary fastest."""
     for key, values in parameters.items():
         if isinstance(values, str) or not isinstance(values, Sequence) or not values:
@@ -97,15 +96,13 @@ def grid(case: "Case", parameters: Mapping[str, Sequence[Any]]) -> tuple[Point, 
 
 
 def from_rows(
-    case: "Case | None",
+    case: Case | None,
     rows: Sequence[Mapping[str, Any]],
     folder: Path,
-    registry: "Registry | None" = None,
-    run_files: "Callable[[Case], Case]" = run_plugin_files,
+    registry: Registry | None = None,
+    run_files: Callable[[Case], Case] = run_plugin_files,
 ) -> tuple[Point, ...]:
     """Return a point for each row of a table."""
-    from evac.case.loading import load_case
-
     check_number(len(rows))
     cases: dict[str, Case] = {}
     rows_with_case: list[tuple[Case, dict[str, Any]]] = []
@@ -136,8 +133,6 @@ def read_table(path: Path) -> list[dict[str, Any]]:
 
     Values are read as TOML, or else taken as strings; an empty field keeps the value of the case.
     """
-    from evac.case.overrides import value_of
-
     try:
         if path.stat().st_size > MOST_BYTES:
             raise ValueError(f"it has more than {MOST_BYTES} bytes")
@@ -152,7 +147,7 @@ def read_table(path: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def _points(cases: Iterable[tuple["Case", Mapping[str, Any]]]) -> tuple[Point, ...]:
+def _points(cases: Iterable[tuple[Case, Mapping[str, Any]]]) -> tuple[Point, ...]:
     """Return checked points, or raise the error of the first point that is not valid."""
     points = []
     for index, (case, parameters) in enumerate(cases):

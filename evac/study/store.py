@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -24,6 +24,7 @@ import pyarrow.ipc
 
 from evac.base.errors import ResultError, in_one_line, naming, text_of, usable_path
 from evac.building.model.building import Building
+from evac.case.case import Case
 from evac.folder.digests import differences, digest_of_data, digest_of_file, read_sealed, sealed
 from evac.folder.files import (
     BUILDINGS_NAME,
@@ -43,9 +44,6 @@ from evac.study.execute import Row
 from evac.study.points import Point, Seeds
 from evac.study.stopping import Rule
 from evac.trajectory.trajectory import building_from_json, building_to_json
-
-if TYPE_CHECKING:
-    from evac.case.case import Case
 
 #: Longest time after which rows are forced to disk, when the next one is appended [s].
 SYNC_EVERY = 1.0
@@ -292,12 +290,12 @@ def identity_of(points: Sequence[Point], seeds: Seeds, digests: Sequence[str]) -
     }
 
 
-def digest_of(case: "Case", key: str) -> str:
+def digest_of(case: Case, key: str) -> str:
     """Return a digest of everything that the runs of a point depend on except the seeds; includes the building."""
     return digest_of_data(plain([_settings(case), providers(case), key]))
 
 
-def key_of(case: "Case") -> str:
+def key_of(case: Case) -> str:
     """Return the key of the shared scene of a point."""
     with naming(case.source):
         return shared_key(case)
@@ -315,7 +313,7 @@ def definition_of(points: Sequence[Point], rule: Rule) -> dict[str, Any]:
     }
 
 
-def _files(case: "Case") -> list[str]:
+def _files(case: Case) -> list[str]:
     """Return all plugin files of a case: those of its registry, and those that have not been run."""
     return [str(path) for path in dict.fromkeys((*case.registry.files(), *case.plugin_files))]
 
@@ -390,7 +388,7 @@ def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:
     )
 
 
-def _settings(case: "Case") -> dict[str, Any]:
+def _settings(case: Case) -> dict[str, Any]:
     """Return the settings of a case without its seeds, which the study sets."""
     table = case.to_dict()
     for name in ("seed", "population_seed"):

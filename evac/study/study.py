@@ -11,15 +11,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyarrow
 
+from evac.analysis.maps import LevelMaps
 from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError, ResultError, in_one_line, usable_path
 from evac.building.model.building import Building
+from evac.case.case import Case
 from evac.folder.files import STUDY_NAME
 from evac.results.recordedcase import recorded_case
+from evac.results.results import Results
 from evac.results.verdict import Verdict, rank, verdict_of
 from evac.simulation.shared import shared_scene
 from evac.study.execute import Execution, Order, Row, Task, order_of
+from evac.study.maps import maps_over_runs
 from evac.study.points import STEP, Point, Seeds
 from evac.study.statistics import MEDIAN, Estimate, Statistics, Variation, difference, statistics, variation
 from evac.study.stopping import Rule
@@ -39,12 +44,7 @@ from evac.study.store import (
 
 if TYPE_CHECKING:
     import pandas
-    import pyarrow
     from matplotlib.figure import Figure
-
-    from evac.analysis.maps import LevelMaps
-    from evac.case.case import Case
-    from evac.results.results import Results
 
 
 @dataclass(frozen=True)
@@ -251,10 +251,8 @@ class Study:
         label = self.points[worst].label
         return {**verdicts[worst], "text": f"{label}: {verdicts[worst]['text']}"} if label else verdicts[worst]
 
-    def maps(self, point: int = 0) -> "Mapping[str, LevelMaps]":
+    def maps(self, point: int = 0) -> Mapping[str, LevelMaps]:
         """Return the means over the runs of a point of the maps of each level; empty if none were made."""
-        from evac.study.maps import maps_over_runs
-
         return {name: own.maps for name, own in maps_over_runs(self, point).items()}
 
     def building(self, point: int = 0) -> Building | None:
@@ -312,7 +310,7 @@ class Study:
             wanted = [key for key in wanted if not math.isnan(self._store.entries[key].last_out)]
         yield from self._store.rows(wanted, columns)  # a frame of this study keeps its temporary folder
 
-    def table(self) -> "pyarrow.Table":
+    def table(self) -> pyarrow.Table:
         """Return all rows, also of failed runs, as an Arrow table, with the exit times of all people in memory."""
         return self._store.table()
 
@@ -320,7 +318,7 @@ class Study:
         """Return `table` as a pandas data frame."""
         return self.table().to_pandas()
 
-    def run_again(self, point: int, run: int, folder: str | Path | None = None) -> "Results":
+    def run_again(self, point: int, run: int, folder: str | Path | None = None) -> Results:
         """Repeat one run with all outputs of `evac.run`.
 
         Parameters
@@ -333,7 +331,7 @@ class Study:
 
         return run_case(self.case_of(point, run), folder)
 
-    def case_of(self, point: int, run: int) -> "Case":
+    def case_of(self, point: int, run: int) -> Case:
         """Return the case of one run, with its seeds."""
         return self.points[point].case.change(self.seeds.changes(run))
 

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -40,12 +39,9 @@ from evac.building.plan.outlines import (
     strips,
     with_walls,
 )
-from evac.building.plan.plan import Item, LiftItem, Stair
+from evac.building.plan.plan import Item, LiftItem, Plan, Stair
 from evac.building.plan.rooms import check_storey, expanded, key_of, originals, with_known_storeys
 from evac.building.surface.surfacemesh import Height, SurfaceMesh
-
-if TYPE_CHECKING:
-    from evac.building.plan.plan import Plan
 
 #: The strips of ground on both sides of a door, if it stands between two rooms.
 Beside = tuple[Strip | None, ...] | None
@@ -73,7 +69,7 @@ MOST_BESIDE = 0.05
 class Drawing:
     """The floors of a plan while they are cut and joined, and its errors, each of which leaves its item out."""
 
-    def __init__(self, plan: "Plan") -> None:
+    def __init__(self, plan: Plan) -> None:
         self.errors: list[Finding] = []
         self.given = with_known_storeys(plan, self.errors)
         self.declared, self.plan = {*plan.storeys, *plan.refused}, expanded(self.given, self.errors)
