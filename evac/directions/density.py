@@ -29,7 +29,13 @@ class Kernels:
         if width not in grids.weights:
             grids.weights[width] = _weights_on_floor(grids, width)
         self._weight = grids.weights[width]
-        self._behind_portals = [_behind_portals(grids, grid) for grid in grids.levels]
+        self._ends = np.append(self.first, grids.size)
+        halos = [halo for grid in grids.levels for halo in _behind_portals(grids, grid)]
+        columns = zip(*halos, strict=True) if halos else [()] * 4
+        # The levels on both sides of portals; the nodes of halos, and those behind the portals.
+        self._here, self._there, self._halo, self._behind = (
+            np.concatenate([np.zeros(0, np.int64), *nodes]) for nodes in columns
+        )
 
     def nodes_at(self, level: IntArray, position: FloatArray) -> IndexArray:
         """Return the nodes nearest to people, of level 0 for those who have left."""
@@ -71,25 +77,19 @@ class Kernels:
         Levels (n,) are -1 for those who do not count. `gain` is the weight of the density now. The density of people
         with levels in `against` (n,) is taken away from that of the others.
         """
-        present = np.zeros(len(density))
+        present, is_near = np.zeros(len(density)), np.zeros(len(self.first), np.uint8)
         deposit(self._packed, self.first, position, level, self._width, present)
-        occupied = set(np.unique(level[level >= 0]).tolist())
+        occupied = np.unique(level[level >= 0])
         if against is not None and (against >= 0).any():
             other = np.zeros(len(density))
             deposit(self._packed, self.first, position, against, self._width, other)
-            for grid in [self.grids.levels[at] for at in occupied]:
+            for grid in [self.grids.levels[at] for at in occupied.tolist()]:
                 own = present[grid.packed]
                 np.maximum(np.subtract(own, other[grid.packed], out=own), 0.0, out=own)
-        crowded = set()
-        for grid, behind in zip(self.grids.levels, self._behind_portals, strict=True):
-            own = density[grid.packed]
-            if not occupied & {grid.level, *(level for level, _, _ in behind)} and not own.any():
-                continue
-            crowded.add(grid.level)
-            for _, halo, nodes in behind:
-                present[nodes] += present[halo]
-            average(grid.packed.start, grid.packed.stop, present, self._weight, gain, density)
-        return crowded
+        is_near[occupied] = 1
+        is_near[self._here[is_near[self._there] > 0]] = 1
+        average(self._ends, is_near, self._behind, self._halo, present, self._weight, gain, density)
+        return set(np.flatnonzero(is_near).tolist())
 
 
 def gain_of(period: float, memory: float) -> float:
@@ -97,14 +97,15 @@ def gain_of(period: float, memory: float) -> float:
     return -math.expm1(-period / memory) if memory > 0.0 else 1.0
 
 
-def _behind_portals(grids: BuildingGrids, grid: LevelGrid) -> list[tuple[int, IndexArray, IndexArray]]:
-    """Return the levels behind the portals of a level, with the nodes of their halos, and its own nodes there."""
+def _behind_portals(grids: BuildingGrids, grid: LevelGrid) -> list[tuple[IntArray, IntArray, IndexArray, IndexArray]]:
+    """Return a level and those behind its portals, each with the nodes of its halo there, and its own nodes there."""
     # The kernels of people close behind a portal reach into its halo on their own level.
     rows = []
     for portal in grids.portals_of(grid.level):
         there = grids.levels[portal.other(grid.level)]
         halo = np.flatnonzero(there.sheet == 1 + portal.index)
-        rows.append((there.level, there.offset + halo, there.source.ravel()[halo]))
+        levels = np.array([[grid.level], [there.level]], np.int32)
+        rows.append((*levels, there.offset + halo, there.source.ravel()[halo]))
     return rows
 
 

@@ -449,7 +449,7 @@ class RouteField(Saved):
             chosen = (self._solved[grid.packed] & np.isfinite(cost)).view(np.uint8)
             if self.is_local:
                 label = waves.exit[grid.packed]
-                for link in np.unique(label[chosen.view(np.bool_)]):
+                for link in np.flatnonzero(np.bincount(label[chosen.view(np.bool_)] + 1)) - 1:
                     own = np.where(label == link, cost, math.inf)
                     descend(own.reshape(shape), chosen.reshape(shape), waves.spacing, self._direction[grid.packed])
             else:
@@ -461,12 +461,12 @@ class RouteField(Saved):
             grid, place = grids.levels[level], self._places[level]
             to, from_ = self._fills[level]
             pairs[to], waves.exit[to] = pairs[from_], waves.exit[from_]
-            known = waves.time[grid.packed].copy()
-            left_out, stand_in, next_one = grid.stands_for
-            with np.errstate(invalid="ignore"):  # infinite times
-                more = waves.time[stand_in] - waves.time[next_one]
-            known[left_out - grid.offset] = waves.time[stand_in] + np.where(np.isfinite(more), more, 0.0)
             if not self.is_local:
+                known = waves.time[grid.packed].copy()
+                left_out, stand_in, next_one = grid.stands_for
+                with np.errstate(invalid="ignore"):  # infinite times
+                    more = waves.time[stand_in] - waves.time[next_one]
+                known[left_out - grid.offset] = waves.time[stand_in] + np.where(np.isfinite(more), more, 0.0)
                 np.copyto(self._travel_time[place], known, where=np.isfinite(known))
             self._all_directions[place] = self._direction[grid.packed]
         self._write_where_no_way_is()

@@ -167,7 +167,7 @@ class Struct:
             raise TypeError(f"{type(self).__name__}: missing or unknown attributes: {', '.join(wrong)}")
         self._words = np.zeros(self._size, np.int64)
         self._floats = self._words.view(np.float64)
-        self.memory_address = int(self._words.ctypes.data)
+        self.memory_address = self._as_parameter_ = int(self._words.ctypes.data)  # what ctypes passes
         for name, value in values.items():
             setattr(self, name, value)
 
@@ -197,6 +197,9 @@ INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
 Signature = tuple[tuple[tuple[str, Kind], ...], tuple[str, ...]]
 
 _C_TYPES: dict[str, Any] = {"int64": ctypes.c_int64, "float64": ctypes.c_double}
+
+#: The types that ctypes passes as numbers of a kind; structs have the attribute that it passes.
+_PASSED: dict[Kind, Any] = {"int64": int, "float64": (float, int)}
 
 
 #: Name of the function that machine code calls with the label of a kernel that has raised an exception.
@@ -260,6 +263,7 @@ class Entry(Kernel):
             self._signature = tuple(zip(names, like.kinds, strict=True)), like.returns
         self._call: Callable[..., Any] | None = None
         self._address = 0
+        self._accepted = set[tuple[type, ...]]()  # types of arguments that need no check and that ctypes passes
 
     @property
     def signature(self) -> Signature:
@@ -314,8 +318,27 @@ class Entry(Kernel):
 
     def __call__(self, *arguments: Any) -> Any:
         """Run the kernel."""
-        if INTERPRETED or (self._call is None and len(self.signature[1]) > 1):
+        types = tuple(map(type, arguments))
+        if types in self._accepted:
+            assert self._call is not None
+            returned = self._call(*arguments)
+        elif INTERPRETED or (self._call is None and len(self.signature[1]) > 1):
             return self.function(*arguments)
+        else:
+            returned = self._call_checked(arguments)
+            kinds = self.signature[0]
+            if all(issubclass(given, _PASSED.get(kind, Struct)) for (_, kind), given in zip(kinds, types, strict=True)):
+                self._accepted.add(types)
+        if _raised:
+            label = _raised[0]
+            _raised.clear()
+            raise PluginError(
+                f"kernel {label}: a function that it calls raised an exception; set NUMBA_DISABLE_JIT=1 to see it which"
+            )
+        return returned
+
+    def _call_checked(self, arguments: tuple[Any, ...]) -> Any:
+        """Check the arguments and call the machine code, which is loaded if necessary."""
         if self._call is None:
             _ = self.address
         assert self._call is not None
@@ -337,14 +360,7 @@ class Entry(Kernel):
                 header = (ctypes.c_int64 * (1 + value.ndim))(value.ctypes.data, *value.shape)
                 kept.append(header)
                 passed.append(ctypes.addressof(header))
-        returned = self._call(*passed)
-        if _raised:
-            label = _raised[0]
-            _raised.clear()
-            raise PluginError(
-                f"kernel {label}: a function that it calls raised an exception; set NUMBA_DISABLE_JIT=1 to see it which"
-            )
-        return returned
+        return self._call(*passed)
 
 
 #: Python functions by the numbers that represent their addresses if nothing is compiled.

@@ -1,9 +1,8 @@
 """People who have left: they walk straight on behind their exit, seen by behaviours that keep distances."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray, IntArray
+from evac.base.arrays import IntArray
 from evac.base.saved import FINITE, Bounds, Saved
 from evac.building.model.building import FLAT, Building
 from evac.jit import Floats, Ints, Pairs, Struct, kernel
@@ -42,11 +41,9 @@ class Outside(Struct):
 
 
 class Walks(Struct):
-    """The people who walk for some seconds, and their share of the change to the desired speeds in this time."""
+    """How long people outside walk [s], and their share of the change to the desired speeds in this time."""
 
-    number: int
-    row: Ints  # (n,)
-    seconds: Floats  # (n,)
+    seconds: Floats  # (n,) 0: stays
     share: Floats  # (n,)
 
 
@@ -71,7 +68,7 @@ class PeopleOutside(Saved):
         self._crowd = crowd
         n = len(crowd.level)
         self.arrays = make_outside(n)
-        self._walks = Walks(number=0, row=np.zeros(n, np.int32), seconds=np.zeros(n), share=np.zeros(n))
+        self._walks, self._tick, self._share = Walks(seconds=np.zeros(n), share=np.zeros(n)), 0.0, np.zeros(n)
         segments = [way.segments for way in building.exits]
         self._segment = np.concatenate([np.empty((0, 4)), *segments])
         self._exit = np.repeat(np.arange(len(segments)), [len(pieces) for pieces in segments])
@@ -83,18 +80,17 @@ class PeopleOutside(Saved):
 
         Speeds approach the desired ones exponentially, as those of people inside without contacts.
         """
-        self._walk(np.flatnonzero(self.arrays.level >= 0), tick, False)
+        walks, crowd = self._walks, self._crowd
+        if tick != self._tick:
+            self._tick, self._share = tick, -np.expm1(-tick / crowd.tau)
+        walks.seconds[:], walks.share[:] = tick, self._share
+        walk_straight(self.arrays, crowd, walks, False)
         if len(left):
             self._add(left)
-            self._walk(left, time - self._crowd.exit_time.take(left), True)
-
-    def _walk(self, rows: NDArray[np.integer], seconds: float | FloatArray, has_left: bool) -> None:
-        """Let people walk for some seconds, with the speed factors of people inside if they have just left."""
-        if number := len(rows):
-            walks = self._walks
-            walks.number, walks.row[:number], walks.seconds[:number] = number, rows, seconds
-            walks.share[:number] = -np.expm1(-walks.seconds[:number] / self._crowd.tau.take(rows))
-            walk_straight(self.arrays, self._crowd, walks, has_left)
+            walks.seconds[:] = 0.0
+            walks.seconds[left] = seconds = time - crowd.exit_time[left]
+            walks.share[left] = -np.expm1(-seconds / crowd.tau[left])
+            walk_straight(self.arrays, crowd, walks, True)
 
     def _add(self, left: IntArray) -> None:
         """Put people who left on the line of their exit, with the part of their velocity that is normal to it."""
@@ -131,8 +127,10 @@ class PeopleOutside(Saved):
 @kernel
 def walk_straight(outside: Outside, crowd: Crowd, walks: Walks, has_left: bool) -> None:
     """Move people along their directions, at their flat speeds times a factor, that inside if they have just left."""
-    for k in range(walks.number):
-        p, seconds, share = walks.row[k], walks.seconds[k], walks.share[k]
+    for p in range(len(outside.level)):
+        seconds, share = walks.seconds[p], walks.share[p]
+        if outside.level[p] < 0 or seconds == 0.0:
+            continue
         ex, ey = outside.direction[p, 0], outside.direction[p, 1]
         speed = outside.velocity[p, 0] * ex + outside.velocity[p, 1] * ey
         desired = crowd.speed[p, FLAT] * (crowd.speed_factor[p] if has_left else outside.speed_factor[p])

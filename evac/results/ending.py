@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import BoolArray, FloatArray, IntArray
 from evac.base.saved import Bounds, Saved
 from evac.directions.fields import Fields
+from evac.jit import Bytes, FloatGrid, Floats, Longs, Pairs, Struct, kernel
 from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
@@ -75,6 +76,8 @@ class Watch(Saved):
         self._width, self._tick, self.promised = 2.0 * radius, tick, promised
         self._speeds = _Means(len(radius), max(1, round(SPAN / tick)))
         self._forces = _Means(len(radius), max(FEWEST_FRAMES, round(FORCE_SPAN / every)))
+        velocity = np.zeros((len(radius), 2))
+        self._moved = Moved(velocity=velocity, sums=self._speeds.sums, inside=self._speeds.inside)
         self._ticks = max(1, round(DENSITY_EVERY / tick))
         self._densities = _Means(len(radius), round(DENSITY_SPAN / DENSITY_EVERY))
         notes = (_Notes(len(radius), levels) for _ in range(4))
@@ -85,28 +88,29 @@ class Watch(Saved):
 
         Contact forces are sampled only if this state is recorded.
         """
-        inside = crowd.level >= 0
-        if self._speeds.add(time, inside, np.hypot(*crowd.velocity.T), np.hypot(*displacement_velocity.T)):
+        self._moved.velocity[:] = displacement_velocity
+        deepest = add_speeds(crowd, self._moved)
+        if self._speeds.count(time):
             begin, stayed, (velocity, displacement) = self._speeds.take()
             excess = velocity - displacement
             noticed = stayed & (excess > CHATTER_EXCESS) & (velocity > CHATTER_RATIO * displacement)
             self._chatter.note(noticed, excess, (velocity, displacement), begin, time, crowd)
-        large = crowd.overlap > self.promised
-        if large.any():
-            values = crowd.overlap, 2.0 * crowd.overlap / self._width
-            self._overlaps.note(large & inside, crowd.overlap, values, max(time - self._tick, 0.0), time, crowd)
+        if deepest > self.promised:
+            values, begin = (crowd.overlap, 2.0 * crowd.overlap / self._width), max(time - self._tick, 0.0)
+            noticed = (crowd.overlap > self.promised) & (crowd.level >= 0)
+            self._overlaps.note(noticed, crowd.overlap, values, begin, time, crowd)
         if is_recorded:
-            self._look_at_forces(time, crowd, inside)
+            self._look_at_forces(time, crowd)
         if round(time / self._tick) % self._ticks == 0:
-            density = densities(crowd, DENSITY)
-            if self._densities.add(time, inside, density, density > DENSITY):
+            density = densities(crowd)
+            if self._densities.add(time, crowd, density, density > DENSITY):
                 begin, stayed, (density, share) = self._densities.take()
                 self._dense.note(stayed & (share == 1.0), density, (density, density), begin, time, crowd)
 
-    def _look_at_forces(self, time: float, crowd: Crowd, inside: BoolArray) -> None:
+    def _look_at_forces(self, time: float, crowd: Crowd) -> None:
         """Add a sample of the contact forces."""
         force = 0.5 * crowd.contact_force
-        if self._forces.add(time, inside, force, force / self._width):
+        if self._forces.add(time, crowd, force, force / self._width):
             begin, stayed, (force, load) = self._forces.take()
             noticed = stayed & ((force > CRUSHING_FORCE) | (load > CRUSHING_LOAD))
             self._crushing.note(noticed, load, (force, load), begin, time, crowd)
@@ -128,29 +132,52 @@ class Watch(Saved):
         return self._dense.observation()
 
 
-def densities(crowd: Crowd, limit: float = 0.0) -> FloatArray:
-    """Return the number of people inside on the disc of one square metre around each person, (n,) [1/m2].
-
-    It is 0 where the squares around the disc show that it is at most `limit`. People are sorted by square cells as
-    wide as the radius of the disc, so that it lies in nine of them.
-    """
+def densities(crowd: Crowd) -> FloatArray:
+    """Return the number of people inside on the disc of one square metre around each person, (n,) [1/m2]."""
     density, inside = np.zeros(len(crowd.level)), np.flatnonzero(crowd.level >= 0)
-    place, radius = crowd.position.take(inside, 0), math.sqrt(1.0 / math.pi)
-    if len(inside) <= limit:
-        return density
-    column, row = np.floor((place - place.min(axis=0)) / radius).astype(np.int64).T + 1
-    height = row.max() + 2
-    cell = (crowd.level[inside] * (column.max() + 2) + column) * height + row
-    order = np.argsort(cell, kind="stable")
-    around = cell + np.array([[-height], [0], [height]])
-    first, after = np.searchsorted(cell[order], np.stack([around - 1, around + 2]))
-    counted = np.flatnonzero((after - first).sum(axis=0) > limit)
-    number, end = (after - first)[:, counted].ravel(), after[:, counted].ravel()
-    middle = np.repeat(np.tile(counted, 3), number)
-    other = order[np.arange(len(middle)) + np.repeat(end - np.cumsum(number), number)]
-    near = np.hypot(*(place.take(middle, 0) - place.take(other, 0)).T) <= radius
-    density[inside] = np.bincount(middle[near], minlength=len(inside))
+    order = inside[np.lexsort((crowd.position[inside, 0], crowd.level[inside]))]
+    count_near(crowd, order, math.sqrt(1.0 / math.pi), density)
     return density
+
+
+@kernel
+def count_near(crowd: Crowd, order: Longs, radius: float, number: Floats) -> None:
+    """Count the people within a radius [m] of each of those in `order`, by level and x, each included."""
+    for i in range(len(order)):
+        p = order[i]
+        number[p] += 1.0
+        for k in range(i + 1, len(order)):
+            q = order[k]
+            x = crowd.position[q, 0] - crowd.position[p, 0]
+            if crowd.level[q] != crowd.level[p] or x > radius:
+                break
+            y = crowd.position[q, 1] - crowd.position[p, 1]
+            if math.sqrt(x * x + y * y) <= radius:
+                number[p] += 1.0
+                number[q] += 1.0
+
+
+class Moved(Struct):
+    """The displacement of people in a tick, and the sums of their speeds over the ticks of an interval."""
+
+    velocity: Pairs  # (n, 2) displacement divided by the length of the tick [m/s]
+    sums: FloatGrid  # (2, n) of the velocities of the contact model, and of these [m/s]
+    inside: Bytes  # (n,) 1: at every tick
+
+
+@kernel
+def add_speeds(crowd: Crowd, moved: Moved) -> float:
+    """Add the speeds of people in a tick, and note who is not inside; return the greatest overlap [m]."""
+    deepest = 0.0
+    for p in range(len(crowd.level)):
+        x, y = crowd.velocity[p, 0], crowd.velocity[p, 1]
+        moved.sums[0, p] += math.sqrt(x * x + y * y)
+        x, y = moved.velocity[p, 0], moved.velocity[p, 1]
+        moved.sums[1, p] += math.sqrt(x * x + y * y)
+        if crowd.level[p] < 0:
+            moved.inside[p] = 0
+        deepest = max(deepest, crowd.overlap[p])
+    return deepest
 
 
 class _Means(Saved):
@@ -164,11 +191,15 @@ class _Means(Saved):
         self.looks = np.array([0, length])  # number of samples in this interval so far, and in a complete one
         self.times = np.zeros(2)  # last sample of the previous interval and of this one [s]
 
-    def add(self, time: float, inside: BoolArray, first: FloatArray, second: FloatArray | BoolArray) -> bool:
+    def add(self, time: float, crowd: Crowd, first: FloatArray, second: FloatArray | BoolArray) -> bool:
         """Add one sample; return whether the interval is complete."""
         self.sums[0] += first
         self.sums[1] += second
-        self.inside[:] &= inside
+        self.inside[:] &= crowd.level >= 0
+        return self.count(time)
+
+    def count(self, time: float) -> bool:
+        """Count a sample that has been added; return whether the interval is complete."""
         self.looks[0] += 1
         self.times[1] = time
         return bool(self.looks[0] == self.looks[1])

@@ -54,7 +54,9 @@ class Controls(Saved):
 
     def act(self, time: float, building: Building, fields: Fields, crowd: Crowd) -> list[int]:
         """Admit people at the beginning of a tick; return the links that enough have passed."""
-        full = []
+        full = list[int]()
+        if not building.controlled:
+            return full
         approaches = {link: _approach(link, building, fields, crowd, time) for link in building.controlled}
         least = np.full(len(crowd.level), np.inf)
         for rows, gap, _ in approaches.values():

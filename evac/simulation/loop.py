@@ -57,10 +57,10 @@ class Loop:
 
     def begin(self) -> None:
         """Begin the operations that have not begun."""
-        with self._simulation.population.writable():
-            for operation in self.operations:
-                if operation.begin is not None:
-                    begin, operation.begin = operation.begin, None
+        for operation in self.operations:
+            if operation.begin is not None:
+                begin, operation.begin = operation.begin, None
+                with self._simulation.population.writable():
                     begin()
 
     def advance(self, act: Callable[[], object] | None = None) -> None:

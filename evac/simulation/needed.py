@@ -24,6 +24,7 @@ from evac.people.places import routes_to_places
 from evac.people.ways import walk_all
 from evac.physics.force import Force
 from evac.physics.world import walls_behind_exits
+from evac.results.ending import add_speeds, count_near
 
 if TYPE_CHECKING:
     from evac.case.case import Case
@@ -143,7 +144,8 @@ def run_kernels(
     full: bool,
 ) -> list[Entry]:
     """Return the kernels of engine, behaviours and routes that are known to be needed at the start of a run."""
-    kernels = engine.kernels(model, forces, case.registry.solvers, walls_behind_exits(building), full)
+    kernels = [*engine.kernels(model, forces, case.registry.solvers, walls_behind_exits(building), full)]
+    kernels += [add_speeds, count_near]
     for behaviour in behaviours:
         kernels += entries_of(sys.modules[type(behaviour).__module__])
     routes, keeps = needed_routes(case, behaviours, full), any(one.keeps_distance for one in behaviours)

@@ -93,14 +93,25 @@ def deposit(fields: PackedFields, first: Longs, position: Pairs, level: Ints, wi
 
 
 @kernel
-def average(first: int, stop: int, now: Floats, weight: Floats, gain: float, density: Floats) -> None:
-    """Average the densities (nodes,) of the nodes `first` to `stop` with the sums of kernels `now` times their weights.
+def average(
+    first: Longs, is_near: Bytes, to: Longs, of: Longs, now: Floats, weight: Floats, gain: float, density: Floats
+) -> None:
+    """Average the densities (nodes,) of levels with the sums of kernels `now` (nodes,) times their weights.
 
-    `gain` is the weight of the density now.
+    The nodes of level k are ``first[k]`` to ``first[k + 1]``. Levels (levels,) without people near them are left out if
+    their densities are zero; others are marked. The sums of nodes `of` are added to those of nodes `to` before. `gain`
+    is the weight of the density now.
     """
-    for node in range(first, stop):
-        mean = density[node] + gain * (now[node] * weight[node] - density[node])
-        density[node] = 0.0 if mean < NOBODY * 1e-3 else mean
+    for k in range(len(to)):
+        now[to[k]] += now[of[k]]
+    for k in range(len(is_near)):
+        node = first[k]
+        while is_near[k] == 0 and node < first[k + 1]:
+            is_near[k] = density[node] != 0.0
+            node += 1
+        for node in range(first[k], first[k + 1] if is_near[k] else first[k]):
+            mean = density[node] + gain * (now[node] * weight[node] - density[node])
+            density[node] = 0.0 if mean < NOBODY * 1e-3 else mean
 
 
 @inner
