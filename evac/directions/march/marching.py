@@ -34,7 +34,8 @@ TOLERANCE = 0.25
 #: Slowness factor of slits, which no body fits through: they lead to times of their own ground only.
 SLIT = 10.0
 
-#: Rounding error of the contours of two marches through levels that are alike, in cells: only the first is made.
+#: Rounding error of two marches through levels that are alike, relative in speeds and of contours in cells: only the
+#: first is made.
 ALIKE = 1e-9
 
 
@@ -354,7 +355,8 @@ class _March:
             return self._marched(phi, speed, walkable)
         made = self.made.setdefault((grid.alike, b"" if through is None else through.segments.tobytes()), [])
         for other_speed, contour, times in made:
-            if np.array_equal(speed, other_speed) and np.abs(phi - contour).max() <= ALIKE * self.spacing:
+            is_alike = (np.abs(speed - other_speed) <= ALIKE * speed).all()
+            if is_alike and np.abs(phi - contour).max() <= ALIKE * self.spacing:
                 return times.copy()
         given = speed.copy(), phi.copy()
         times = self._marched(phi, speed, walkable)
