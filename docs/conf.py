@@ -10,6 +10,7 @@ from pathlib import Path
 import latex2mathml.converter
 from docutils import nodes
 from sphinx.errors import ExtensionError
+from sphinx.pycode import ModuleAnalyzer
 
 import evac
 
@@ -78,6 +79,21 @@ def _give_captions_a_level(app, page, template, context, doctree):
     context["furo_navigation_tree"] = contents.replace('role="heading"', 'role="heading" aria-level="2"')
 
 
+#: Fields of the class that is documented now, which are listed below its docstring.
+FIELDS: set[str] = set()
+
+
+def _list_fields(app, what, name, item, options, lines):
+    """List the fields of a class, which have their meanings as comments (#:) where they are declared."""
+    if what in ("class", "exception", "module"):
+        FIELDS.clear()
+    if what == "class" and item is not evac.Results:  # whose fields have docstrings
+        known = ModuleAnalyzer.for_module(item.__module__).find_attr_docs()
+        own = {field: " ".join(text) for (cls, field), text in known.items() if cls == item.__qualname__}
+        lines += ["", *(f":ivar {field}: {text}" for field, text in own.items())]
+        FIELDS.update(own)
+
+
 def _fill(app, name, source):
     """Put the tables that the code knows in the places of their marks."""
     source[0] = tables.filled(source[0])
@@ -108,6 +124,8 @@ def setup(app):
         (lambda translator, node: _formula(translator, node, "block"), None),
     )
     app.connect("source-read", _fill)
+    app.connect("autodoc-process-docstring", _list_fields)
+    app.connect("autodoc-skip-member", lambda app, what, name, *others: name in FIELDS or None)
     app.connect("env-get-outdated", _with_tables)
     app.connect("html-page-context", _give_captions_a_level, priority=600)  # after the theme
     app.connect("build-finished", _write_replay)

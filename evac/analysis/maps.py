@@ -51,63 +51,40 @@ QUANTITIES = {
 
 @dataclass(frozen=True)
 class LevelMaps:
-    """The maps of one level: arrays (ny, nx), with row 0 at the lowest y, NaN outside the floor.
+    """The maps of one level: arrays (ny, nx) of float64, with row 0 at the lowest y, NaN outside the floor.
 
-    Attributes
-    ----------
-    level : str
-    index : int
-        Its index in ``building.levels``.
-    spacing : float [m]
-        Side length of the square cells of the grid.
-    origin : (2,) float64 [m]
-        Lower left corner of the grid in plan. A cell is on the floor if its centre is.
-    start, end : float [s]
-        First and last recorded time used.
-    density : (ny, nx) float64 [1/m2]
-        Mean over time of the density rho(x) = sum_i K(x - x_i) / k_i of the people i on the level, with the kernel
-        K(r) = exp(-r^2 / R^2) / (pi R^2) of Helbing, Johansson and Al-Abideen (2007), Phys. Rev. E 75, 046109. k_i is
-        the part of the kernel of person i that lies on the floor, so that the integral over the level is the number
-        of people on it. Walls inside a level do not limit the kernel.
-    max_density : (ny, nx) float64 [1/m2]
-        Greatest rho at a recorded time.
-    speed : (ny, nx) float64 [m/s]
-        sum rho_i v_i / sum rho_i over times and people who have started, the local speed of the same source; v is along
-        the slope. NaN where the density of these people is too low.
-    flow : (ny, nx) float64 [1/(m s)]
-        Length of the mean over time of sum_i rho_i v_i, v in plan: the net specific flow.
-    waiting : (ny, nx) float64 [s/m2]
-        Integral over time of the density of the people who wait (`evac.analysis.measures.Measures`).
-    time_to_clear : (ny, nx) float64 [s]
-        Time at which a body last covered the cell: inf if one does at `end`, NaN if none ever did.
-    contact_pressure : (ny, nx) float64 [N/m]
-        Greatest crowd pressure, which is contact force (mean over `evac.analysis.measures.FORCE_SPAN`) over
-        circumference as in Helbing, Farkas and Vicsek (2000), Nature 407, 487, of the bodies that covered the cell at
-        recorded times; 0 if there was none.
-    usage : (ny, nx) float64
-        Number of different people whose bodies covered the cell.
+    The density is rho(x) = sum_i K(x - x_i) / k_i of the people i on the level, with the kernel K(r) = exp(-r^2 / R^2)
+    / (pi R^2) of Helbing, Johansson and Al-Abideen (2007), Phys. Rev. E 75, 046109. k_i is the part of the kernel of
+    person i that lies on the floor, so that the integral over the level is the number of people on it. Walls inside a
+    level do not limit the kernel. Speed and flow are local ones of the same source.
 
-    Notes
-    -----
     Means over time use the trapezoidal rule over the recorded times. For `time_to_clear` and `usage`, bodies are
     assumed to move straight between recorded times. For the measurement methods of PedPy see
     `evac.analysis.tables.to_pedpy`.
     """
 
     level: str
-    index: int
-    spacing: float
+    index: int  #: its index in ``building.levels``
+    spacing: float  #: side length of the square cells of the grid [m]
+    #: (2,) float64: lower left corner of the grid in plan [m]; a cell is on the floor if its centre is
     origin: FloatArray
-    start: float
-    end: float
-    density: FloatArray
-    max_density: FloatArray
+    start: float  #: first recorded time used [s]
+    end: float  #: last recorded time used [s]
+    density: FloatArray  #: mean over time of rho [1/m2]
+    max_density: FloatArray  #: greatest rho at a recorded time [1/m2]
+    #: sum rho_i v_i / sum rho_i over times and people who have started, with v along the slope [m/s]; NaN where the
+    #: density of these people is too low
     speed: FloatArray
-    flow: FloatArray
+    flow: FloatArray  #: net specific flow, the length of the mean over time of sum_i rho_i v_i, v in plan [1/(m s)]
+    #: integral over time of the density of the people who wait (`evac.analysis.measures.Measures`) [s/m2]
     waiting: FloatArray
+    #: time at which a body last covered the cell, inf if one does at `end`, NaN if none ever did [s]
     time_to_clear: FloatArray
+    #: greatest crowd pressure, which is contact force (mean over `evac.analysis.measures.FORCE_SPAN`) over
+    #: circumference as in Helbing, Farkas and Vicsek (2000), Nature 407, 487, of the bodies that covered the cell at
+    #: recorded times; 0 if there was none [N/m]
     contact_pressure: FloatArray
-    usage: FloatArray
+    usage: FloatArray  #: number of different people whose bodies covered the cell
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -133,26 +133,16 @@ def is_legal(kind: str, value: Any) -> bool:
 
 @dataclass(frozen=True)
 class Change:
-    """One change of a scene.
+    """One change of a scene."""
 
-    Attributes
-    ----------
-    time : float
-        Time [s] at which it takes effect: the beginning of a tick.
-    kind : str
-        ``open``, ``close``, ``one_way`` or ``control`` for exits, portals, stairs and doors, ``move`` for stairs,
-        ``no_entry``, ``slow`` or ``bar`` for areas, levels and stairs, ``strategy`` for groups, ``alarm`` for areas,
-        levels, groups or, with an empty name, everybody; ``lift`` for lifts, as a run lists them.
-    what : str
-        Name of what changes.
-    values : mapping of str to number, str, bool, tuple of these, or the table of a control
-        Further values of this kind of change, such as ``value``. When a link has closed, ``let_through`` lists
-        the people whose bodies were on its line, see docs/summary.md.
-    """
-
-    time: float
+    time: float  #: time at which it takes effect, the beginning of a tick [s]
+    #: ``open``, ``close``, ``one_way`` or ``control`` for exits, portals, stairs and doors, ``move`` for stairs,
+    #: ``no_entry``, ``slow`` or ``bar`` for areas, levels and stairs, ``strategy`` for groups, ``alarm`` for areas,
+    #: levels, groups or, with an empty name, everybody; ``lift`` for lifts, as a run lists them
     kind: str
-    what: str
+    what: str  #: name of what changes
+    #: further values of this kind of change, such as ``value``; when a link has closed, ``let_through`` lists the
+    #: people whose bodies were on its line, see docs/summary.md
     values: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

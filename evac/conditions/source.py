@@ -20,21 +20,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A scalar of the air that sources provide.
-
-    Attributes
-    ----------
-    unit : str
-    clear : float
-        Value of clear air, where no source applies.
-    least, most : float
-        Range of values.
-    doc : str
-    """
+    """A scalar of the air that sources provide."""
 
     unit: str
-    clear: float
-    least: float
+    clear: float  #: value of clear air, where no source applies
+    least: float  #: least and greatest value
     most: float
     doc: str
 
@@ -93,29 +83,15 @@ def gap_in(times: FloatArray) -> str:
 
 @dataclass(frozen=True)
 class SourceScene:
-    """What a source may use.
-
-    Attributes
-    ----------
-    building : Building
-    folder : Path
-        The folder of the case.
-    settings : ConditionSettings
-        The table ``[[conditions]]`` of the source.
-    heads : mapping of str to float
-        Mean height of the heads of each group of people above the floor [m].
-    needed : tuple of str
-        The quantities that the case asks for.
-    files : list of Path
-        The files that the values come from, those asked for with `file` and others that a source adds: a run whose
-        files have changed is not resumed.
-    """
+    """What a source may use."""
 
     building: "Building"
-    folder: Path
-    settings: Any
-    heads: dict[str, float]
-    needed: tuple[str, ...] = ()
+    folder: Path  #: the folder of the case
+    settings: Any  #: the table ``[[conditions]]`` of the source
+    heads: dict[str, float]  #: mean height of the heads of each group of people above the floor [m]
+    needed: tuple[str, ...] = ()  #: the quantities that the case asks for
+    #: the files that the values come from, those asked for with `file` and others that a source adds; a run whose files
+    #: have changed is not resumed
     files: list[Path] = field(default_factory=list)
 
     def file(self, name: str) -> Path:

@@ -21,26 +21,14 @@ RELUCTANCE = 10.0
 
 @dataclass(frozen=True)
 class Route:
-    """A destination and a strategy; people carry the index of one.
+    """A destination and a strategy; people carry the index of one."""
 
-    Attributes
-    ----------
-    exits : tuple of str
-        Names of the permitted exits; empty means any exit.
-    strategy : str
-        One of `STRATEGIES`.
-    steepest : float, optional
-        Steepest stair or ramp that it uses, as rise over run; None bars none.
-    area : str
-        Name of the area in which it ends, instead of at an exit; ``refuge`` in summary.json.
-    lifts : str
-        How it uses lifts: not at all if empty, `WEIGHED` where they are quicker than stairs, or `PREFERRED`.
-    """
-
-    exits: tuple[str, ...] = ()
-    strategy: str = "fastest"
-    steepest: float | None = None
+    exits: tuple[str, ...] = ()  #: names of the permitted exits; empty means any exit
+    strategy: str = "fastest"  #: one of `STRATEGIES`
+    steepest: float | None = None  #: steepest stair or ramp that it uses, as rise over run; None bars none
+    #: name of the area in which it ends, instead of at an exit; ``refuge`` in summary.json
     area: Annotated[str, Field(alias="refuge")] = ""
+    #: how it uses lifts, not at all if empty, `WEIGHED` where they are quicker than stairs, or `PREFERRED`
     lifts: str = ""
 
     @property

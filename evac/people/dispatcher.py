@@ -8,45 +8,22 @@ from evac.base.parameters import Configurable
 
 
 class Car(NamedTuple):
-    """A car with closed doors and nobody inside, which asks for its next stop.
-
-    Attributes
-    ----------
-    name : str
-    storeys : tuple of str
-        Names of its stops, from bottom to top.
-    heights : tuple of float
-        Of these [m].
-    stop : int
-        Where it is.
-    discharge : int
-        The stop at which people get out.
-    capacity : int
-    """
+    """A car with closed doors and nobody inside, which asks for its next stop."""
 
     name: str
-    storeys: tuple[str, ...]
-    heights: tuple[float, ...]
-    stop: int
-    discharge: int
-    capacity: int
+    storeys: tuple[str, ...]  #: names of its stops, from bottom to top
+    heights: tuple[float, ...]  #: of the stops [m]
+    stop: int  #: where it is
+    discharge: int  #: the stop at which people get out
+    capacity: int  #: greatest number of people
 
 
 class StopCall(NamedTuple):
-    """A stop of a car at which more people wait than other cars of its bank come for.
-
-    Attributes
-    ----------
-    stop : int
-    people : int
-        How many more.
-    since : float [s]
-        Since when the first of those who wait there has waited.
-    """
+    """A stop of a car at which more people wait than other cars of its bank come for."""
 
     stop: int
-    people: int
-    since: float
+    people: int  #: how many more
+    since: float  #: since when the first of those who wait there has waited [s]
 
 
 class Dispatcher(Configurable, ABC):

@@ -20,23 +20,17 @@ class Outside(Struct):
     """The people who have left and are at most `REACH` behind the line of their exit; row p is person p of the crowd.
 
     They walk along the outward normal of their exit on flat ground. Contact models and forces do not see them.
-
-    Attributes
-    ----------
-    level : (n,) int32, level of the exit through which a person has left; -1 for all others, whose other values
-        have no meaning
-    position, velocity : (n, 2) [m], [m/s], in plan
-    direction : (n, 2) outward unit normal of the exit where it was crossed
-    depth : (n,) distance behind the line of the exit [m]
-    speed_factor : (n,), set to 1 before each tick's behaviours; those that keep distances multiply it. The desired
-        speed is the flat speed of the person times this factor.
     """
 
+    #: (n,) int32: level of the exit through which a person has left; -1 for all others, whose other values have no
+    #: meaning
     level: Ints
-    position: Pairs
-    velocity: Pairs
-    direction: Pairs
-    depth: Floats
+    position: Pairs  #: (n, 2) in plan [m]
+    velocity: Pairs  #: (n, 2) in plan [m/s]
+    direction: Pairs  #: (n, 2): outward unit normal of the exit where it was crossed
+    depth: Floats  #: (n,): distance behind the line of the exit [m]
+    #: (n,): set to 1 before each tick's behaviours; those that keep distances multiply it. The desired speed is the
+    #: flat speed of the person times this factor.
     speed_factor: Floats
 
 

@@ -57,23 +57,13 @@ BOUNDS = {
 
 @dataclass(frozen=True)
 class Group:
-    """A named group of people.
-
-    Attributes
-    ----------
-    name : str
-    rows : (k,) int32
-        Rows of its people in `Crowd`.
-    settings : mapping
-        Settings of the group for behaviours, by behaviour name. In `Population.groups_for`, the settings for one.
-    comes_in : bool
-        Whether its people arrive during the run through an exit or a portal.
-    """
+    """A named group of people."""
 
     name: str
-    rows: IntArray
+    rows: IntArray  #: (k,) int32: rows of its people in `Crowd`
+    #: settings of the group for behaviours, by behaviour name; in `Population.groups_for`, the settings for one
     settings: Mapping[str, Any]
-    comes_in: bool = False
+    comes_in: bool = False  #: whether its people arrive during the run through an exit or a portal
 
 
 class Population(Saved):

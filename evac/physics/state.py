@@ -32,66 +32,54 @@ NearWalls = Annotated[NDArray[np.float64], Array("float64", (None, 6))]
 
 
 class Crowd(Struct):
-    """The arrays of all people; row p is always person p. docs/architecture.md lists the writer of each array.
+    """The arrays of all people; row p is always person p. docs/architecture.md lists the writer of each array."""
 
-    Attributes
-    ----------
-    position, velocity : (n, 2) [m], [m/s], in plan. Written by the contact model only. The velocity is that of the
-        contact model; the velocity of the actual motion is `Simulation.displacement_velocity`.
-    level : (n,) int32, -1 once out. Written by the contact model only.
-    radius, height, mass, tau : (n,) [m], [m], [kg], [s]; tau is the relaxation time
-    contact_radius : (n,) radius of the body that touches others and fits through gaps, at most ``radius`` [m]; see
-        `Behaviour.contact_radius`
-    speed : (n, 3) desired speeds on the flat, up and down stairs, along the slope [m/s]
-    group : (n,) int32
-    start_time : (n,) time at which a person starts to walk [s]; of people who have not come, from their arrival on.
-        Written by behaviours
-    route : (n,) int32, row of ``Fields.routes``; written by behaviours
-    speed_factor : (n,), set to 1 before each tick's behaviours, which multiply it
-    extra_direction : (n, 2), set to 0 before each tick's behaviours, which add to it; the unit
-        direction of the field plus this, normalised, is the desired direction
-    exit_time : (n,) [s], NaN until out;  exit_used : (n,) int32, -1 until out
-    distance : (n,) path length walked in plan, up to the exit [m]
-    overlap : (n,) greatest overlap with another body or a wall at the start of the sub-steps of the previous tick [m].
-        Written by the contact model
-    mingled : (n,) uint8, 1: has overlapped since the start of the run by more than half the smallest radius. Such
-        people may pass through each other. Written by the contact model
-    contact_force : (n,) sum of contact forces [N] in the last step of the previous tick if a behaviour reads it,
-        otherwise at the last output
-    arrival_time : (n,) time at which a person came into the building [s], 0 for those who were there from the start,
-        NaN for those who have not come; written by the population
-    passing : (n,) int32, link that lets a person through although it is closed, because the body is on its line; -1 for
-        none. Written by the scene, and by the contact model for people who pass a link of one direction
-    ahead : (n, 2) unit desired direction of people whom a link lets through, instead of that of their route, until they
-        have left its line; zero for others. Written by the scene
-    firmness : (n,) factor of the mass with which a person resists contacts and forces: 1, and `FIRM` for people who
-        stand firm, since gases or heat have stopped them, they are at a refuge or were brought to a place, or they do
-        not leave. Written by `Deciding`
-    """
-
-    position: Pairs
+    position: Pairs  #: (n, 2) in plan [m]; written by the contact model only
+    #: (n, 2) in plan [m/s], that of the contact model, which alone writes it; the velocity of the actual motion is
+    #: `Simulation.displacement_velocity`
     velocity: Pairs
-    level: Ints
-    radius: Floats
+    level: Ints  #: (n,) int32, -1 once out; written by the contact model only
+    radius: Floats  #: (n,) [m]
+    #: (n,): radius of the body that touches others and fits through gaps, at most ``radius`` [m]; see
+    #: `Behaviour.contact_radius`
     contact_radius: Floats
-    height: Floats
-    mass: Floats
-    tau: Floats
-    speed: Triples
-    group: Ints
+    height: Floats  #: (n,) [m]
+    mass: Floats  #: (n,) [kg]
+    tau: Floats  #: (n,): relaxation time [s]
+    speed: Triples  #: (n, 3): desired speeds on the flat, up and down stairs, along the slope [m/s]
+    group: Ints  #: (n,) int32
+    #: (n,): time at which a person starts to walk [s]; of people who have not come, from their arrival on; written by
+    #: behaviours
     start_time: Floats
-    route: Ints
-    speed_factor: Floats
+    route: Ints  #: (n,) int32: row of ``Fields.routes``; written by behaviours
+    speed_factor: Floats  #: (n,): set to 1 before each tick's behaviours, which multiply it
+    #: (n, 2): set to 0 before each tick's behaviours, which add to it; the unit direction of the field plus this,
+    #: normalised, is the desired direction
     extra_direction: Pairs
-    exit_time: Floats
-    exit_used: Ints
-    distance: Floats
+    exit_time: Floats  #: (n,) [s], NaN until out
+    exit_used: Ints  #: (n,) int32, -1 until out
+    distance: Floats  #: (n,): path length walked in plan, up to the exit [m]
+    #: (n,): greatest overlap with another body or a wall at the start of the sub-steps of the previous tick [m];
+    #: written by the contact model
     overlap: Floats
+    #: (n,) uint8: 1 for those who have overlapped since the start by more than half the smallest radius, who may
+    #: pass through each other; written by the contact model
     mingled: Bytes
+    #: (n,): sum of contact forces [N] in the last step of the previous tick if a behaviour reads it, otherwise at the
+    #: last output
     contact_force: Floats
+    #: (n,): time at which a person came into the building [s], 0 for those who were there from the start, NaN for those
+    #: who have not come; written by the population
     arrival_time: Floats
+    #: (n,) int32: link that lets a person through although it is closed, because the body is on its line; -1 for none;
+    #: written by the scene, and by the contact model for people who pass a link of one direction
     passing: Ints
+    #: (n, 2): unit desired direction of people whom a link lets through, instead of that of their route, until they
+    #: have left its line; zero for others; written by the scene
     ahead: Pairs
+    #: (n,): factor of the mass with which a person resists contacts and forces: 1, and `FIRM` for people who stand
+    #: firm, since gases or heat have stopped them, they are at a refuge or were brought to a place, or they do not
+    #: leave; written by `Deciding`
     firmness: Floats
 
     def __setattr__(self, name: str, value: Any) -> None:

@@ -153,84 +153,41 @@ class Rows(NamedTuple):
 
 
 class Frame(TypedDict):
-    """The c people who are inside at one time.
+    """The c people who are inside at one time."""
 
-    Attributes
-    ----------
-    time : float [s]
-    person : (c,) int32
-        Index of the person.
-    level : (c,) int32
-        Index in ``Building.levels``.
-    position : (c, 2) float64 [m]
-        Position in plan.
-    z : (c,) float64 [m]
-    velocity : (c, 3) float64 [m/s]
-        Displacement in the last tick over its length, in space; the vertical component follows from the slope.
-    speed : (c,) float64 [m/s]
-        Magnitude of the velocity, on stairs along the slope.
-    started : (c,) bool
-        Whether the response time of each person is over; False of those who stay at a place or have been stopped.
-    contact_force : (c,) float64 [N]
-        Sum of the contact forces.
-    crowd_pressure : (c,) float64 [N/m]
-        Contact force over the circumference of the body, 2 pi r, as in Helbing, Farkas and Vicsek (2000).
-    dose : (c,) float64
-        The greater one of the doses of gases and heat; 0 in a case without doses.
-    """
-
-    time: float
-    person: IntArray
-    level: IntArray
-    position: FloatArray
-    z: FloatArray
+    time: float  #: [s]
+    person: IntArray  #: (c,): index of the person
+    level: IntArray  #: (c,): index in ``Building.levels``
+    position: FloatArray  #: (c, 2): position in plan [m]
+    z: FloatArray  #: (c,) [m]
+    #: (c, 3): displacement in the last tick over its length, in space; the vertical component follows from the slope
+    #: [m/s]
     velocity: FloatArray
-    speed: FloatArray
+    speed: FloatArray  #: (c,): magnitude of the velocity, on stairs along the slope [m/s]
+    #: (c,): whether the response time of each person is over; False of those who stay at a place or have been stopped
     started: NDArray[np.bool_]
-    contact_force: FloatArray
+    contact_force: FloatArray  #: (c,): sum of the contact forces [N]
+    #: (c,): contact force over the circumference of the body, 2 pi r, as in Helbing, Farkas and Vicsek (2000) [N/m]
     crowd_pressure: FloatArray
-    dose: FloatArray
+    dose: FloatArray  #: (c,): the greater one of the doses of gases and heat; 0 in a case without doses
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The content of a trajectory file.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    header : dict
-        Header of the file, see docs/trajectory.md.
-    building : Building
-        As it was at the start; `building_at` returns it at other times.
-    group : (n,) int32
-        Index in ``groups`` of each person, -1 for none.
-    groups : tuple of str
-    radius, height : (n,) float64 [m]
-    time : (f,) float64 [s]
-    rows : tuple of Rows
-        What is recorded at each time, as views of the file.
-    level_fields : tuple of LevelField
-        The fields of behaviours, without values: `field` returns them.
-    end : int
-        Byte at which the last complete frame ends.
-    dropped_bytes : int
-        Number of bytes after it, which are ignored; 0 for a complete file.
-    """
+    """The content of a trajectory file."""
 
     path: Path
-    header: dict[str, Any]
-    building: Building
-    group: IntArray
+    header: dict[str, Any]  #: header of the file, see docs/trajectory.md
+    building: Building  #: as it was at the start; `building_at` returns it at other times
+    group: IntArray  #: (n,) int32: index in ``groups`` of each person, -1 for none
     groups: tuple[str, ...]
-    radius: FloatArray
-    height: FloatArray
-    time: FloatArray
-    rows: tuple[Rows, ...] = field(repr=False)
-    level_fields: tuple[LevelField, ...]
-    end: int
-    dropped_bytes: int
+    radius: FloatArray  #: (n,) float64 [m]
+    height: FloatArray  #: (n,) float64 [m]
+    time: FloatArray  #: (f,) float64 [s]
+    rows: tuple[Rows, ...] = field(repr=False)  #: what is recorded at each time, as views of the file
+    level_fields: tuple[LevelField, ...]  #: the fields of behaviours, without values, which `field` returns
+    end: int  #: byte at which the last complete frame ends
+    dropped_bytes: int  #: number of bytes after it, which are ignored; 0 for a complete file
 
     def __len__(self) -> int:
         """Return the number of frames."""

@@ -30,44 +30,21 @@ FLAT, UP, DOWN = 0, 1, 2
 
 @dataclass(frozen=True)
 class Level:
-    """A maximal edge-connected set of cells with one slope class: a floor, a flight or a landing.
+    """A maximal edge-connected set of cells with one slope class: a floor, a flight or a landing."""
 
-    Attributes
-    ----------
-    index : int
-        Row in all per-level arrays.
-    name : str
-        Tag of the mesh, or generated from kind and height (``"flight z=0.00..1.50"``); unique.
-    kind : str
-        ``"floor"``, ``"flight"`` (sloped), ``"landing"`` (flat, between flights of one stair) or ``"car"`` (the room
-        of a lift at one of its stops).
-    stair : str or None
-        Name of the stair it belongs to.
-    triangles : (t, 3) int32
-        Rows of ``Building.vertices``.
-    polygon : shapely polygon or multipolygon
-        The level in plan, with holes.
-    uphill : (2,) float64
-        Unit vector of steepest ascent in plan, zero on a flat level.
-    slope : float
-        Angle with the horizontal [rad].
-    z_min, z_max : float
-        Heights of its lowest and highest vertex [m].
-    is_ramp : bool
-        Whether people walk on this slope at their speed on the level.
-    """
-
-    index: int
-    name: str
+    index: int  #: row in all per-level arrays
+    name: str  #: tag of the mesh, or generated from kind and height (``"flight z=0.00..1.50"``); unique
+    #: ``"floor"``, ``"flight"`` (sloped), ``"landing"`` (flat, between flights of one stair) or ``"car"`` (the room of
+    #: a lift at one of its stops)
     kind: str
-    stair: str | None
-    triangles: IntArray
-    polygon: BaseGeometry
-    uphill: FloatArray
-    slope: float
-    z_min: float
-    z_max: float
-    is_ramp: bool = False
+    stair: str | None  #: name of the stair it belongs to, or None
+    triangles: IntArray  #: (t, 3) int32: rows of ``Building.vertices``
+    polygon: BaseGeometry  #: the level in plan, with holes
+    uphill: FloatArray  #: (2,) float64: unit vector of steepest ascent in plan, zero on a flat level
+    slope: float  #: angle with the horizontal [rad]
+    z_min: float  #: height of its lowest vertex [m]
+    z_max: float  #: height of its highest vertex [m]
+    is_ramp: bool = False  #: whether people walk on this slope at their speed on the level
 
     @property
     def title(self) -> str:
@@ -82,27 +59,14 @@ class Level:
 
 @dataclass(frozen=True)
 class Portal:
-    """A chain of edges shared by two levels, which people can cross in both directions.
-
-    Attributes
-    ----------
-    index : int
-        Row in ``Building.portals``.
-    name : str
-    levels : (int, int)
-        Indices of the two levels that it joins.
-    segments : (s, 4) float64
-        x1, y1, x2, y2 [m], each with the first level's inside on its left.
-    width : float
-        Total length of its segments [m].
-    """
+    """A chain of edges shared by two levels, which people can cross in both directions."""
 
     kind: ClassVar[str] = "portal"
-    index: int
+    index: int  #: row in ``Building.portals``
     name: str
-    levels: tuple[int, int]
-    segments: FloatArray
-    width: float
+    levels: tuple[int, int]  #: indices of the two levels that it joins
+    segments: FloatArray  #: (s, 4) float64: x1, y1, x2, y2 [m], each with the first level's inside on its left
+    width: float  #: total length of its segments [m]
 
     def other(self, level: int) -> int:
         """Return the level on the other side."""
@@ -116,26 +80,14 @@ class Portal:
 
 @dataclass(frozen=True)
 class Exit:
-    """A chain of edges on the boundary of one level; people leave the building when their centre crosses it.
-
-    Attributes
-    ----------
-    index : int
-        Row in ``Building.exits``.
-    name : str
-    level : int
-    segments : (s, 4) float64
-        x1, y1, x2, y2 [m], each with the level's inside on its left.
-    width : float
-        Total length of its segments [m].
-    """
+    """A chain of edges on the boundary of one level; people leave the building when their centre crosses it."""
 
     kind: ClassVar[str] = "exit"
-    index: int
+    index: int  #: row in ``Building.exits``
     name: str
     level: int
-    segments: FloatArray
-    width: float
+    segments: FloatArray  #: (s, 4) float64: x1, y1, x2, y2 [m], each with the level's inside on its left
+    width: float  #: total length of its segments [m]
 
     @property
     def levels(self) -> tuple[int]:
@@ -145,26 +97,14 @@ class Exit:
 
 @dataclass(frozen=True)
 class Door:
-    """A door between rooms: an opening in a wall within one level, and part of its floor.
-
-    Attributes
-    ----------
-    index : int
-        Row in ``Building.doors``.
-    name : str
-    level : int
-    segment : (4,) float64
-        Its ends x1, y1, x2, y2 [m].
-    width : float
-        Clear width [m].
-    """
+    """A door between rooms: an opening in a wall within one level, and part of its floor."""
 
     kind: ClassVar[str] = "door"
-    index: int
+    index: int  #: row in ``Building.doors``
     name: str
     level: int
-    segment: FloatArray
-    width: float
+    segment: FloatArray  #: (4,) float64: its ends x1, y1, x2, y2 [m]
+    width: float  #: clear width [m]
 
     @property
     def levels(self) -> tuple[int]:
@@ -204,25 +144,13 @@ Link = Portal | Exit | Door | Ride
 
 @dataclass(frozen=True)
 class Area:
-    """A named part of a level in which people can start.
-
-    Attributes
-    ----------
-    name : str
-    level : int
-    polygon : shapely polygon or multipolygon
-        The area in plan [m].
-    use : str
-        What the room of a plan is used for, such as ``"office"``; empty if the source does not say.
-    people : float, optional
-        Number of people that the source states for it.
-    """
+    """A named part of a level in which people can start."""
 
     name: str
     level: int
-    polygon: BaseGeometry
-    use: str = ""
-    people: float | None = None
+    polygon: BaseGeometry  #: the area in plan [m]
+    use: str = ""  #: what the room of a plan is used for, such as ``"office"``; empty if the source does not say
+    people: float | None = None  #: number of people that the source states for it, or None
 
 
 class Jump(NamedTuple):
@@ -235,34 +163,17 @@ class Jump(NamedTuple):
 
 @dataclass(frozen=True)
 class Place:
-    """A place with a task in the evacuation, which a case names.
-
-    Attributes
-    ----------
-    name : str
-    kind : str
-        "refuge", "assembly", "sign" or "fire"; or "line", through which people are counted.
-    level : int
-    shape : shapely polygon or multipolygon, point or line
-        In plan [m]; a point for signs and fires.
-    area : str
-        Name of the area; empty for signs and fires.
-    capacity : int, optional
-        Greatest number of people in an area; None: any.
-    exit : str
-        Name of the exit that a sign shows.
-    range : float
-        Distance from which a sign is seen [m].
-    """
+    """A place with a task in the evacuation, which a case names."""
 
     name: str
+    #: ``"refuge"``, ``"assembly"``, ``"sign"`` or ``"fire"``; or ``"line"``, through which people are counted
     kind: str
     level: int
-    shape: BaseGeometry
-    area: str = ""
-    capacity: int | None = None
-    exit: str = ""
-    range: float = 0.0
+    shape: BaseGeometry  #: polygon, point of a sign or a fire, or line, in plan [m]
+    area: str = ""  #: name of the area; empty for signs and fires
+    capacity: int | None = None  #: greatest number of people in an area, or None
+    exit: str = ""  #: name of the exit that a sign shows
+    range: float = 0.0  #: distance from which a sign is seen [m]
 
     def __str__(self) -> str:
         """Return what pictures write: the exit that a sign shows, or the name."""
@@ -283,83 +194,46 @@ class Building:
     """The fixed geometry of a case: levels, portals, exits, areas and walls.
 
     Portals, exits, doors and rides of lifts are links, which have their numbers in this order.
-
-    Attributes
-    ----------
-    source : Path
-        The file that it was read from, for messages.
-    vertices : (v, 3) float64
-        Welded vertices [m].
-    levels : tuple of Level
-    portals : tuple of Portal
-    exits : tuple of Exit
-    areas : tuple of Area
-    walls : (w, 4) float64
-        Segments x1, y1, x2, y2 [m], each with the level's inside on its left: free edges of the mesh that are
-        not exits, and outlines of obstacles; collinear neighbours of one level are merged.
-    wall_level : (w,) int32
-        Level of each wall.
-    stairs : dict of str to tuple of int
-        Levels of each stair, its pieces, from top to bottom. A stair leads from storey to storey.
-    findings : tuple of Finding
-        Warnings and other facts that do not prevent a run, with their places.
-    closed : frozenset of int
-        Numbers of links that are closed and act as walls.
-    one_way : frozenset of (int, int)
-        Links that are passed in one direction only, each with where they are passed from: portals with the level, exits
-        with their level or -1, from outside, and doors with the side of their segment, 0 for the left.
-    awaited : frozenset of int
-        Links through which ways lead even while they are closed or of the other direction: people wait before them.
-    controls : frozenset of (int, Control)
-        Open links that let people through in another way than all at once.
-    moving : frozenset of (int, float, float)
-        Levels whose ground moves, as that of escalators, each with the velocity of the ground in plan [m/s].
-    emptying : frozenset of str
-        Stairs that close when those on them have left.
-    slowed : frozenset of (str, float)
-        Areas, or levels, in which people walk at a share of their speeds, each with this share.
-    barred : frozenset of str
-        Areas, or levels, around which ways lead where there is another way.
-    doors : tuple of Door
-        Doors between rooms, if the source names them as plans do; empty for meshes.
-    places : tuple of Place
-        Refuges, assembly areas and signs of the case.
-    costs : frozenset of (str, float)
-        Exits and areas at which ways end with a cost, each with this time [s].
-    jumps : frozenset of Jump
-        Ways between levels that take a stated time; travel times count them, and whoever adds one takes people along.
-    lifts : tuple of Lift
-        Lifts, with a level for each stop; see `evac.building.model.lifts`.
-    keys : mapping of str to str
-        Keys in its plan of stairs and areas that the plan has as something else: ``stairs.west 0`` is ``shafts.west``.
-    north : float, optional
-        Direction of north in plan, counterclockwise from y [degrees]; None if it is not known.
     """
 
-    source: Path
-    vertices: FloatArray
+    source: Path  #: the file that it was read from, for messages
+    vertices: FloatArray  #: (v, 3) float64: welded vertices [m]
     levels: tuple[Level, ...]
     portals: tuple[Portal, ...]
     exits: tuple[Exit, ...]
     areas: tuple[Area, ...]
+    #: (w, 4) float64: segments x1, y1, x2, y2 [m], each with the level's inside on its left, of free edges of the mesh
+    #: that are not exits, and outlines of obstacles; collinear neighbours of one level are merged
     walls: FloatArray
-    wall_level: IntArray
+    wall_level: IntArray  #: (w,) int32: level of each wall
+    #: levels of each stair, its pieces, from top to bottom; a stair leads from storey to storey
     stairs: dict[str, tuple[int, ...]]
+    #: warnings and other facts that do not prevent a run, with their places
     findings: tuple[Finding, ...] = field(default=())
-    closed: frozenset[int] = frozenset()
-    doors: tuple[Door, ...] = ()
+    closed: frozenset[int] = frozenset()  #: numbers of links that are closed and act as walls
+    doors: tuple[Door, ...] = ()  #: doors between rooms, if the source names them as plans do; empty for meshes
+    #: links that are passed in one direction only, each with where they are passed from, portals with the level, exits
+    #: with their level or -1, from outside, and doors with the side of their segment, 0 for the left
     one_way: frozenset[tuple[int, int]] = frozenset()
+    #: areas, or levels, in which people walk at a share of their speeds, each with this share
     slowed: frozenset[tuple[str, float]] = frozenset()
-    barred: frozenset[str] = frozenset()
-    places: tuple[Place, ...] = ()
+    barred: frozenset[str] = frozenset()  #: areas, or levels, around which ways lead where there is another way
+    places: tuple[Place, ...] = ()  #: refuges, assembly areas and signs of the case
+    #: links through which ways lead also while they are closed or of the other direction, so that people wait there
     awaited: frozenset[int] = frozenset()
+    #: exits and areas at which ways end with a cost, each with this time [s]
     costs: frozenset[tuple[str, float]] = frozenset()
+    #: ways between levels that take a stated time; travel times count them, and whoever adds one takes people along
     jumps: frozenset[Jump] = frozenset()
+    #: direction of north in plan, counterclockwise from y [degrees]; None if it is not known
     north: float | None = None
-    lifts: "tuple[Lift, ...]" = ()
+    lifts: "tuple[Lift, ...]" = ()  #: lifts, with a level for each stop; see `evac.building.model.lifts`
+    #: open links that let people through in another way than all at once
     controls: frozenset[tuple[int, Control]] = frozenset()
-    emptying: frozenset[str] = frozenset()
+    emptying: frozenset[str] = frozenset()  #: stairs that close when those on them have left
+    #: levels whose ground moves, as that of escalators, each with the velocity of the ground in plan [m/s]
     moving: frozenset[tuple[int, float, float]] = frozenset()
+    #: keys in its plan of stairs and areas that the plan has as something else, as ``stairs.west 0`` is ``shafts.west``
     keys: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:

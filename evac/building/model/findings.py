@@ -55,40 +55,20 @@ class Finding:
 
     Its text form (``str``) begins with the place, if there is one, and ends with the remedy.
 
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`.
-    text : str
-        Description, with the action to take if there is one, without the place.
-    level : str, optional
-        Name of the level or storey.
-    place : tuple of float, optional
-        Position (x, y) on the level, or (x, y, z) [m].
-    item : str, optional
-        Key of what it is about in the plan, such as ``doors.inner``.
-    element : str
-        Kind of elements of a file that it is about, such as ``door`` or ``layer 'A-WALL'``.
-    number : int
-        Number of these elements: of those in the file, if it is found, else of those that are concerned.
-    remedy : str
-        What removes it, as far as it is known: keys of the item with their values as in a plan file, one on a
-        line, such as ``turn = "right"``; ``remove KEY``; or ``remove it``.
-
-    Examples
-    --------
     >>> print(Finding("repaired", "a gap of 3 mm closed", "ground", (1.0, 2.0)))
     level 'ground' at (1.00, 2.00): a gap of 3 mm closed
     """
 
-    kind: str
-    text: str
-    level: str | None = None
-    place: tuple[float, ...] | None = None
-    item: str | None = None
+    kind: str  #: one of `KINDS`
+    text: str  #: description, with the action to take if there is one, without the place
+    level: str | None = None  #: name of the level or storey
+    place: tuple[float, ...] | None = None  #: position (x, y) on the level, or (x, y, z) [m]
+    item: str | None = None  #: key of what it is about in the plan, such as ``doors.inner``
+    #: what removes it, as far as it is known, as keys of the item with their values as in a plan file, one on a line,
+    #: such as ``turn = "right"``; ``remove KEY``; or ``remove it``
     remedy: str = ""
-    element: str = ""
-    number: int = 1
+    element: str = ""  #: kind of elements of a file that it is about, such as ``door`` or ``layer 'A-WALL'``
+    number: int = 1  #: number of these elements, in the file if they are found, else those that are concerned
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

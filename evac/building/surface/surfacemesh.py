@@ -34,46 +34,31 @@ class SurfaceMesh:
 
     The core welds vertices, splits cells at hanging nodes and ignores the orientation of cells, so neighbours need not
     share vertices or edges exactly. Tags are names ``kind:NAME``, see docs/meshes.md.
-
-    Attributes
-    ----------
-    points : (v, 3) array [units of the file]
-    cells : sequence of sequences of int, or (c, k) array
-        Triangles or polygons, convex or not: rows of `points`, counted from 0.
-    cell_tags : mapping of str to (c,) array of bool
-        Mask of the cells with each tag ``floor:``, ``stair:``, ``area:`` or ``obstacle:``. A cell may have several
-        tags. Cells with a tag ``exit:`` are ground outside: they are removed, and the edges that they share with the
-        floor become the exit. Upright cells with such a tag are doors, whose lower edges become the exit.
-    edge_tags : mapping of str to (e, 2) array of int
-        Edges with each tag ``exit:``, as pairs of rows of `points`.
-    findings : sequence of Finding or str
-        Findings about the file; a string is a warning.
-    openings : sequence of (str, (4,) array [units of the file])
-        Possible exits that the file does not declare: a level and the ends x1, y1, x2, y2 of a piece of its outline.
-        `evac import` suggests them.
-    doors : sequence of (str, (2, 3) array [units of the file])
-        Doors between rooms, which are part of the floor: a name and the ends of the opening.
-    uses : mapping of str to (str, float or None)
-        Use and number of people of areas, by their names; see `Area`.
-    north : float [degrees]
-        Direction of north in plan, counterclockwise from y; None if it is not known.
-    controls : mapping of str to Control
-        How exits and doors let people through, by their names.
-    lifts : sequence of (str, sequence of str, LiftOptions)
-        Lifts: name, names of their storeys from bottom to top, and how they work. The room of lift NAME at STOREY is a
-        floor with the tag ``floor:NAME STOREY``; its doors are the edges that it shares with other floors.
     """
 
-    points: ArrayLike
+    points: ArrayLike  #: (v, 3) [units of the file]
+    #: triangles or polygons, convex or not, as rows of `points`, counted from 0
     cells: Sequence[Sequence[int]] | IndexArray
+    #: mask of the cells with each tag ``floor:``, ``stair:``, ``area:`` or ``obstacle:``. A cell may have several tags.
+    #: Cells with a tag ``exit:`` are ground outside; they are removed, and the edges that they share with the floor
+    #: become the exit. Upright cells with such a tag are doors, whose lower edges become the exit.
     cell_tags: Mapping[str, ArrayLike] = field(default_factory=dict)
+    #: (e, 2) int: edges with each tag ``exit:``, as pairs of rows of `points`
     edge_tags: Mapping[str, ArrayLike] = field(default_factory=dict)
-    findings: Sequence[Finding | str] = ()
+    findings: Sequence[Finding | str] = ()  #: findings about the file; a string is a warning
+    #: possible exits that the file does not declare, each a level and the ends x1, y1, x2, y2 of a piece of its outline
+    #: [units of the file]. `evac import` suggests them.
     openings: Sequence[tuple[str, ArrayLike]] = ()
+    #: doors between rooms, which are part of the floor, each a name and its ends (2, 3) [units of the file]
     doors: Sequence[tuple[str, ArrayLike]] = ()
+    #: use and number of people of areas, by their names; see `Area`
     uses: Mapping[str, tuple[str, float | None]] = field(default_factory=dict)
+    #: direction of north in plan, counterclockwise from y [degrees]; None if it is not known
     north: float | None = None
+    #: how exits and doors let people through, by their names
     controls: Mapping[str, Control] = field(default_factory=dict)
+    #: name, names of the storeys from bottom to top, and how the lift works. Its room at STOREY is a floor with the tag
+    #: ``floor:NAME STOREY``; its doors are the edges that it shares with other floors.
     lifts: Sequence[tuple[str, Sequence[str], LiftOptions]] = ()
 
     @classmethod
@@ -93,7 +78,7 @@ class SurfaceMesh:
 
         Parameters
         ----------
-        surfaces : iterable of (tag or tags, polygon or multipolygon, height)
+        surfaces : iterable of (tag or tags, polygon or multipolygon, float or callable)
             Holes are allowed. The height is a number, or a function of x and y that is linear over the polygon.
         edges : iterable of (tag, point, point)
             Straight edges on the outlines of the surfaces, such as exits, by their ends (x, y, z).

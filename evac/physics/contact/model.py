@@ -23,60 +23,30 @@ if TYPE_CHECKING:
 
 
 class StepContacts(NamedTuple):
-    """The contacts of one sub-step for contact models written in NumPy; read-only except for the last two.
+    """The contacts of one sub-step for contact models written in NumPy; read-only except for the last two."""
 
-    Attributes
-    ----------
-    body : (c,) int32
-        The body that the normal points to.
-    other : (c,) int32
-        The body on the other side, -1 for a wall.
-    normal : (c, 2)
-        Unit vectors towards `body`.
-    gap : (c,) [m]
-        Distance between the surfaces, negative where they overlap.
-    velocity : (n, 2) [m/s]
-        Velocities before the sub-step.
-    free : (n, 2) [m/s]
-        Free velocities: after the sub-step if there were no contacts.
-    mass, radius : (n,) [kg], [m]
-    percussion : (c,) [N s]
-        Output: normal percussions, for energy and contact forces.
-    memory : (c, w)
-        Input and output: the numbers that `ContactModel.memory` names, from the last sub-step, to be replaced.
-    """
-
-    body: NDArray[np.int32]
-    other: NDArray[np.int32]
-    normal: FloatArray
-    gap: FloatArray
-    velocity: FloatArray
-    free: FloatArray
-    mass: FloatArray
-    radius: FloatArray
-    percussion: FloatArray
+    body: NDArray[np.int32]  #: (c,): the body that the normal points to
+    other: NDArray[np.int32]  #: (c,): the body on the other side, -1 for a wall
+    normal: FloatArray  #: (c, 2): unit vectors towards `body`
+    gap: FloatArray  #: (c,): distance between the surfaces, negative where they overlap [m]
+    velocity: FloatArray  #: (n, 2): velocities before the sub-step [m/s]
+    free: FloatArray  #: (n, 2): velocities after the sub-step if there were no contacts [m/s]
+    mass: FloatArray  #: (n,) [kg]
+    radius: FloatArray  #: (n,) [m]
+    percussion: FloatArray  #: (c,), output: normal percussions, for energy and contact forces [N s]
+    #: (c, w), input and output: the numbers that `ContactModel.memory` names, from the last sub-step, to be replaced
     memory: FloatArray
 
 
 class BorderScene(NamedTuple):
-    """Properties of a scene that limit the step of a contact model, checked before a run.
+    """Properties of a scene that limit the step of a contact model, checked before a run."""
 
-    Attributes
-    ----------
-    step : float [s]
-    explicit : bool
-        Whether the drive is integrated by explicit Euler.
-    radius, mass, tau : (n,) [m], [kg], [s]
-    speed : (n,)
-        Largest desired or initial speed of each person [m/s].
-    """
-
-    step: float
-    explicit: bool
-    radius: FloatArray
-    mass: FloatArray
-    tau: FloatArray
-    speed: FloatArray
+    step: float  #: [s]
+    explicit: bool  #: whether the drive is integrated by explicit Euler
+    radius: FloatArray  #: (n,) [m]
+    mass: FloatArray  #: (n,) [kg]
+    tau: FloatArray  #: (n,) [s]
+    speed: FloatArray  #: (n,): largest desired or initial speed of each person [m/s]
 
 
 def border_scene(crowd: Crowd, step: float, explicit: bool) -> BorderScene:
