@@ -36,10 +36,18 @@ RUN_HOOKS = [name for name in HOOKS if name not in RETURNED_BY.values()]
 RESERVED = {("contact_model", "model")}
 
 
-def check_module(manager: pluggy.PluginManager, module: ModuleType, plugin: str) -> None:
+@cache
+def hooks_in(module: ModuleType) -> dict[str, Any]:
+    """Return the options of the functions of a module that are marked as hooks, by name."""
+    functions = {name: item for name, item in vars(module).items() if isinstance(item, FunctionType | MethodType)}
+    marks = {name: getattr(item, f"{hooks.hookimpl.project_name}_impl", None) for name, item in functions.items()}
+    return {name: mark for name, mark in marks.items() if mark is not None}
+
+
+def check_module(module: ModuleType, plugin: str) -> None:
     """Check that a module has plugin classes or valid hooks, and was written for this version of the interface."""
     what = f"plugin {plugin}"
-    marked = {name: mark for name in vars(module) if (mark := manager.parse_hookimpl_opts(module, name)) is not None}
+    marked = hooks_in(module)
     unmarked = [name for name in HOOKS if name not in marked and hasattr(module, name)]
     if not (marked or unmarked or classes_in(module)):
         bases, known = ", ".join(kind.base for kind in KINDS.values()), ", ".join(HOOKS)
@@ -73,6 +81,7 @@ def check_interface(module: ModuleType, plugin: str) -> None:
     raise fault(f"plugin {plugin}", wrong, remedy, module, "evac_interface")
 
 
+@cache
 def classes_in(module: ModuleType) -> list[type[Any]]:
     """Return the plugin classes that a module or package defines, in order."""
     classes = {
@@ -215,11 +224,10 @@ class Provenance:
 
 
 class _Manager(pluggy.PluginManager):
-    """Looks for hooks among the functions of a module, since pluggy inspects every name at length."""
+    """Looks for hooks as `hooks_in`, since pluggy inspects every name of a module at length."""
 
     def parse_hookimpl_opts(self, plugin: Any, name: str) -> Any:
-        is_function = isinstance(vars(plugin).get(name), (FunctionType, MethodType))
-        return super().parse_hookimpl_opts(plugin, name) if is_function else None
+        return hooks_in(plugin).get(name)
 
 
 class Registry:
@@ -375,7 +383,7 @@ class Registry:
     def _register(self, module: ModuleType, provenance: Provenance) -> None:
         """Check `module` against the contract, register it and enter what it provides in the tables."""
         plugin = provenance.plugin
-        check_module(self._manager, module, plugin)
+        check_module(module, plugin)
         try:
             self._manager.register(module, name=plugin)
             self._manager.check_pending()

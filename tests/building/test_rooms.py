@@ -40,6 +40,7 @@ def same(one, other):
             [(portal.name, portal.levels) for portal in building.portals],
             [(area.name, area.level, area.polygon.wkt) for area in building.areas],
             [(door.name, door.level, door.segment.tolist()) for door in building.doors],
+            building.controls,
             [str(one) for one in building.findings if "on the floor" not in one.text],  # of areas, less walls
         ]
         for building in (one, other)
@@ -162,7 +163,9 @@ def random_house(rng):
             plan.room(f"{name} {k}", "0", shape.wkt if rng.random() < 0.5 else shape, **people)
             x, at = round(rng.uniform(left + 1, right - 1), 3), 7.0 if name == "north" else 5.0
             tie = {"rooms": [f"{name} {k}", "corridor"], "width": 0.9}
-            plan.door(f"{name} {k}", "0", tie if rng.random() < 0.5 else [(x - 0.45, at), (x + 0.45, at)])
+            control = [None, {"every": 2.0}, {"most": 30, "delay": 1.0}][(k + storeys) % 3]
+            line = tie if rng.random() < 0.5 else [(x - 0.45, at), (x + 0.45, at)]
+            plan.door(f"{name} {k}", "0", line, control=control)
             plan.obstacle(f"{name} {k}", "0", box(left + 1, low + 2, left + 1.5, low + 3))
     plan.area("rim", "0", {"rooms": ["south 0"], "inset": 0.5})
     if storeys > 1:

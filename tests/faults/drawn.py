@@ -104,8 +104,8 @@ class Mutant(NamedTuple):
         """Tests of its room, those of its file first."""
         path = Path(self.file)
         if path.parts[0] == "plugins":
-            own = CHECKOUT / "tests/plugins" / f"test_{path.name}"
-            return [str(own.relative_to(CHECKOUT))] if own.exists() else ["tests/plugins"]
+            files = sorted(CHECKOUT.glob(f"tests/plugins/test_{path.stem}*.py"))
+            return [str(found.relative_to(CHECKOUT)) for found in files] or ["tests/plugins"]
         room = CHECKOUT / "tests" / (path.parts[1] if len(path.parts) > 2 else "test_api.py")
         own = sorted(room.rglob(f"test_{path.name}"))
         return [str(found.relative_to(CHECKOUT)) for found in [*own, room]]

@@ -21,8 +21,8 @@ from evac.report.sections import Places
 from evac.simulation.simulation import Simulation
 from tests.building.test_indoormaps import osm
 from tests.ifcfiles import IfcFile, steps
-from tests.plugins.test_drawings import double_lines
 from tests.plugins.test_import_crowds import GEOMETRY, scenario
+from tests.plugins.test_import_dxf_drawings import double_lines
 from tests.plugins.test_import_fds import DECK
 from tests.properties.seeded import CASE, drawn, write_case
 

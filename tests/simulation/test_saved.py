@@ -134,6 +134,8 @@ def assert_same(one, two, what):
             np.testing.assert_array_equal(
                 np.asarray(others[name])[rows], np.asarray(value)[rows], err_msg=f"{name} {what}"
             )
+        if isinstance(value, np.ndarray):
+            assert others[name].flags.writeable == value.flags.writeable, f"{name} {what}"
     return {type(part) for part in seen.values()}
 
 

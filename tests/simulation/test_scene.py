@@ -6,6 +6,7 @@ import pytest
 import evac
 from evac.base.errors import ScenarioError
 from evac.building.model.links import building_at
+from evac.physics.state import FIRM
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, two_doors
 
@@ -218,3 +219,15 @@ def test_people_wait_before_a_link_that_is_closed_for_bodies_alone(room):
     assert_same_bits(simulation, resumed)
     scene.set_open("front", False)
     assert scene.ways_version == 1
+
+
+def test_ways_lead_round_who_stands_firm(tmp_path):
+    people = [{"name": "people", "positions": [[3.6, 1.75], [2.9, 1.75]], "level": "floor z=0.00", "exits": ["front"]}]
+    ahead = []
+    for firmness in (1.0, FIRM):
+        simulation = Simulation(evac.load(two_doors(tmp_path) | {"people": people, "behaviours": {"walking": {}}}))
+        with simulation.population.writable():
+            simulation.population.crowd.firmness[0] = firmness
+        simulation.scene.follow_crowd(0, 0.1)
+        ahead.append(simulation.scene.fields.directions_at([0], np.array([[3.3, 1.75]]), [0], 0.2)[0, 0])
+    assert ahead == pytest.approx([1.0, -1.0], abs=0.1)  # 0.3 m behind somebody who stands firm, one steps back

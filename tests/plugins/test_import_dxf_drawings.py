@@ -340,19 +340,25 @@ def test_a_plan_that_is_not_closed_is_missing(tmp_path):
 
 
 def test_a_plan_is_above_another_one_where_their_walls_are(tmp_path):
-    """The upper storey ends at the inner wall, and its door swings out to the left."""
+    """The upper storeys end at the inner wall, the doors of two swing out to the left, and the last one is shorter."""
     drawing = Drawing("m")
     drawing.rings(BODY, "WALL")
     drawing.doors("DOOR")
-    door = shapely.box(0.0, 2.0, 0.3, 3.0)
-    upper = shapely.box(0, 0, 5.6, 4.6).difference(LEFT | door)
-    drawing.rings(shapely.transform(upper, lambda xy: xy + np.array([20.0, 0.0])), "WALL")
-    drawing.swing((20.0, 2.0), 1.0, 90.0, "DOOR", leaf=180.0)
+    door, end = shapely.box(0.0, 2.0, 0.3, 3.0), shapely.box(0.3, 0.3, 5.3, 2.3)
+    whole = shapely.box(0, 0, 5.6, 4.6).difference(LEFT | door)
+    for x, upper in ((20.0, whole), (40.0, whole), (60.0, shapely.box(0, 0, 5.6, 2.6).difference(end))):
+        drawing.rings(shapely.transform(upper, lambda xy, x=x: xy + np.array([x, 0.0])), "WALL")
+    for x in (20.0, 40.0):
+        drawing.swing((x, 2.0), 1.0, 90.0, "DOOR", leaf=180.0)
     drawing.document.saveas(tmp_path / "a.dxf")
     made = import_building([tmp_path / "a.dxf"], tmp_path / "case", people=8, partial=True)
-    lower, upper = (shapely.union_all([one.polygon for one in made.building.levels if one.z_min == z]) for z in (0, 3))
-    assert lower.intersection(LEFT).area == pytest.approx(LEFT.area, rel=0.01)
-    assert upper.symmetric_difference(LEFT | door).area == pytest.approx(0.0, abs=0.2)
+    grounds = [shapely.union_all([one.polygon for one in made.building.levels if one.z_min == z]) for z in (0, 3, 6, 9)]
+    assert grounds[0].intersection(LEFT).area == pytest.approx(LEFT.area, rel=0.01)
+    for upper in grounds[1:3]:
+        assert upper.symmetric_difference(LEFT | door).area == pytest.approx(0.0, abs=0.2)
+    assert grounds[3].symmetric_difference(end).area == pytest.approx(0.0, abs=0.2)
+    told = [one.text for one in made.findings if one.text.startswith("moved by")]
+    assert [re.search(r"whose walls (\d+)%", text)[1] for text in told][1] == "100"
 
 
 def test_the_report_says_how_each_layer_is_taken_and_an_option_mends_it(tmp_path):
