@@ -241,6 +241,7 @@ def make_results(building):
             "failed_solves": 0,
             "energy": {"driving_work": 0.0, "contact_dissipation": 0.0, "contact_creation": 0.0},
         },
+        seen={},
         phases={"contact": 1.5},
         plan=(("social force", "out", "no force is in use"),),
         plugins=("dem",),

@@ -19,6 +19,7 @@ from evac.cli.inputs import (
     positive,
     with_plugin_files,
 )
+from evac.cli.main import BAD_INPUT
 from evac.cli.screen import STYLES, note, say, show_facts, show_table, show_warnings
 
 if TYPE_CHECKING:
@@ -29,8 +30,8 @@ if TYPE_CHECKING:
 
 TITLE = "Evacuation time: when the last person left"
 
-#: Exit statuses of a study: runs failed, people are left.
-BAD_INPUT, PEOPLE_LEFT = 2, 3
+#: Exit status if people are left in a run.
+PEOPLE_LEFT = 3
 
 #: Maximum number of points whose statistics are shown; statistics.csv contains all.
 MOST_SHOWN = 40

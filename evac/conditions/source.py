@@ -124,21 +124,14 @@ class SourceScene:
 
 
 class ConditionSource(Configurable, ABC):
-    """Provides quantities of the air at places and times: the base class of such plugins.
-
-    Attributes
-    ----------
-    last : float
-        Time after which there are no values [s]; inf if there are always values.
-    changes_until : float or None
-        Time after which values no longer change [s]; None: `last`. Until then, a run does not end because nobody makes
-        progress.
-    """
+    """Provides quantities of the air at places and times: the base class of such plugins."""
 
     #: Keys of `[[conditions]]` that it uses, besides ``source``, ``start`` and ``hold``.
     keys: ClassVar[tuple[str, ...]] = ()
 
-    last: float = math.inf
+    last: float = math.inf  #: time after which there are no values [s]; inf if there are always values
+    #: time after which values no longer change [s], or None if that is `last`. Until then, a run does not end because
+    #: nobody makes progress.
     changes_until: float | None = None
 
     @abstractmethod

@@ -240,18 +240,6 @@ class Registry:
     builtins : sequence of str, optional
         Modules to register first; all built-in plugins by default.
 
-    Attributes
-    ----------
-    hook
-        pluggy's caller of the hooks in `evac.contract.hooks`.
-    contact_models, solvers, forces, behaviours, recorders, importers, exporters, condition_sources, smoke_laws,
-    dispatchers : dict of str to class
-        Classes by name; do not modify.
-    cases : dict of str to Path
-        Folder of each shipped case.
-    provenance : list of Provenance
-        One for each plugin, in the order they were registered.
-
     Raises
     ------
     PluginError
@@ -262,8 +250,9 @@ class Registry:
         self._manager = _Manager("evac")
         self._manager.add_hookspecs(hooks)
         self.hook = self._manager.hook
-        self.provenance: list[Provenance] = []
+        self.provenance: list[Provenance] = []  #: one for each plugin, in the order they were registered
         self._tables: dict[str, dict[str, Any]] = {kind: {} for kind in RETURNED_BY}
+        #: classes by name, as those of the other kinds; do not modify
         self.contact_models: dict[str, type[Any]] = self._tables["contact_model"]
         self.solvers: dict[str, type[Any]] = self._tables["solver"]
         self.forces: dict[str, type[Any]] = self._tables["force"]
@@ -274,7 +263,7 @@ class Registry:
         self.condition_sources: dict[str, type[Any]] = self._tables["condition_source"]
         self.smoke_laws: dict[str, type[Any]] = self._tables["smoke_law"]
         self.dispatchers: dict[str, type[Any]] = self._tables["dispatcher"]
-        self.cases: dict[str, Path] = self._tables["case"]
+        self.cases: dict[str, Path] = self._tables["case"]  #: folder of each shipped case
         self._owners: dict[tuple[str, str], str] = {}
         version = importlib.metadata.version("evac")
         for name in built_in() if builtins is None else builtins:

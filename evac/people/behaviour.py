@@ -164,31 +164,7 @@ class Behaviour(Configurable, Saved):
 
 
 class BehaviourScene:
-    """The part of a simulation that a behaviour can access.
-
-    Attributes
-    ----------
-    crowd : Crowd
-        Read-only except for the behaviour's ``writes``.
-    scene : Scene
-        The current building, fields and world, and the changes so far; ``version`` is their number.
-    groups : tuple of Group
-        ``evac.people.population.Group``: name, rows (int32 array of people), settings (dict of the
-        group's keys for this behaviour).
-    generator : numpy.random.Generator
-        Generator of this behaviour alone, spawned from (seed, name).
-    tick : float [s]
-    folder : Path
-        The folder of the case.
-    files : list of Path
-        The files requested with `file`.
-    level_fields : list of LevelField
-        The fields created with `level_field`.
-    displacement_velocity : (n, 2) float64
-        Displacement of each person in the last tick divided by the length of the tick, in plan [m/s]; read-only.
-    alarmed : tuple of str
-        Places of the phases of the case, in which people wait for the alarm of their phase.
-    """
+    """The part of a simulation that a behaviour can access."""
 
     def __init__(
         self,
@@ -202,15 +178,17 @@ class BehaviourScene:
         displacement_velocity: FloatArray = NOBODY,
         alarmed: tuple[str, ...] = (),
     ) -> None:
-        self.alarmed = alarmed
-        self.crowd = crowd
+        self.alarmed = alarmed  #: places of the phases of the case, in which people wait for the alarm of their phase
+        self.crowd = crowd  #: read-only except for the behaviour's ``writes``
+        #: the current building, fields and world, and the changes so far; ``version`` is their number
         self.scene = scene
+        #: each an `evac.people.population.Group`, whose settings are the keys of the group for this behaviour
         self.groups = groups
-        self.generator = generator
-        self.tick = tick
-        self.folder = folder
-        self.files: list[Path] = []
-        self.level_fields: list[LevelField] = []
+        self.generator = generator  #: generator of this behaviour alone, spawned from (seed, name)
+        self.tick = tick  #: [s]
+        self.folder = folder  #: the folder of the case
+        self.files: list[Path] = []  #: the files requested with `file`
+        self.level_fields: list[LevelField] = []  #: the fields created with `level_field`
         self._outside = outside
         self.displacement_velocity = displacement_velocity.view()
         self.displacement_velocity.flags.writeable = False

@@ -194,8 +194,7 @@ class Engine(Saved, ABC):
     ) -> list[Entry]:
         """Return the kernels that a run is known to need, which are compiled together before it; none by default.
 
-        Levels that have walls behind an exit are those of `walls_behind_exits`; `full` includes what the scene does not
-        need.
+        `backed` are the `walls_behind_exits` of levels; `full` includes what the scene does not need.
         """
         return []
 
@@ -207,22 +206,11 @@ class Engine(Saved, ABC):
     def advance(
         self, model: ContactModel, crowd: Crowd, first: int, steps: int, length: float, explicit: bool, report: bool
     ) -> Events:
-        """Make the steps of a tick and return its crossings of portals and exits.
+        """Make the steps of a tick, each of a `length` [s], and return its crossings of portals and exits.
 
-        Parameters
-        ----------
-        model : ContactModel
-        crowd : Crowd
-            Rows with a negative level are not inside. Position, velocity, level, distance and, on request, contact
-            force are written.
-        first, steps : int
-            Index of the first step, which starts at ``first * length``, and number of steps.
-        length : float
-            Length of a step [s].
-        explicit : bool
-            Whether the drive is integrated by explicit Euler, as in the paper.
-        report : bool
-            Whether contact forces are written for the last step.
+        The step of index `first` starts at ``first * length``. Rows of the crowd with a negative level are not inside.
+        Position, velocity, level and distance are written, and to `report`, the contact forces of the last step. If
+        `explicit`, the drive is integrated by explicit Euler, as in the paper.
         """
 
     @abstractmethod
@@ -247,14 +235,7 @@ class Engine(Saved, ABC):
 
 
 class CompiledEngine(Engine):
-    """The step loop of a run, with its state and compiled kernels.
-
-    Attributes
-    ----------
-    data : State
-    memory : dict of str to array
-        What contacts remember between two ticks, see `memory_by_person`; empty if the model declares no memory.
-    """
+    """The step loop of a run, with its state and compiled kernels."""
 
     saved = ("memory", "room", "data.tally", "data.lists.pair_reach", "data.lists.wall_reach", "data.clock.h_before")
 
@@ -276,7 +257,7 @@ class CompiledEngine(Engine):
         self._body_forces = [force for force in self._forces if force.body is not None]
         self.data = make_state(world, people, pack_forces(self._pair_forces), pack_forces(self._body_forces))
         self.data.forces.spare_waiting = int(spare_waiting)
-        self.memory: dict[str, np.ndarray] = {}
+        self.memory: dict[str, np.ndarray] = {}  # of contacts between two ticks, see `memory_by_person`
         self._own: Any = None
         self._callbacks: dict[str, Callback] = {}  # of solvers in Python, by name
         self._model: ContactModel | None = None
@@ -354,7 +335,23 @@ class CompiledEngine(Engine):
         full: bool,
     ) -> list[Entry]:
         """Return the kernels of the step loop, see `Engine.kernels`."""
-        return entries_of_loop(model, forces, solvers, full or have_seams(backed), full)
+        entries = [gather, scatter, *entries_of_parts(model, forces, full or have_seams(backed)).values()]
+        if isinstance(model, PairContact):
+            model.check_pair()
+        if model.along_the_way:
+            entries.append(find_travel_times)
+        if model.law is None:
+            entries += [driver.open_step, driver.set_clock, driver.prepare_step, driver.finish_step, driver.undo_step]
+        else:
+            entries.append(driver.advance)
+        if isinstance(model, SolvedContactModel):
+            chosen = [solver_of(model, solvers), *([solver_of(model, solvers, stronger=True)] if full else [])]
+            entries += [one.solve for one in chosen if isinstance(one.solve, Entry)]
+            if full and model.separates:
+                entries.append(separate)
+        for force in forces:
+            entries += functions_of(force)
+        return list(dict.fromkeys(entries))
 
     def entries(self, model: ContactModel) -> list[Entry]:
         """Return the kernels that a run is known to need."""
@@ -549,29 +546,6 @@ class CompiledEngine(Engine):
 
     def _level_name(self, level: int) -> str | int:
         return self.levels[level] if self.levels else level
-
-
-def entries_of_loop(
-    model: ContactModel, forces: Sequence[Force], solvers: Mapping[str, type[Solver]], has_seams: bool, full: bool
-) -> list[Entry]:
-    """Return the kernels that the step loop of a run is known to need."""
-    entries = [gather, scatter, *entries_of_parts(model, forces, has_seams).values()]
-    if isinstance(model, PairContact):
-        model.check_pair()
-    if model.along_the_way:
-        entries.append(find_travel_times)
-    if model.law is None:
-        entries += [driver.open_step, driver.set_clock, driver.prepare_step, driver.finish_step, driver.undo_step]
-    else:
-        entries.append(driver.advance)
-    if isinstance(model, SolvedContactModel):
-        chosen = [solver_of(model, solvers), *([solver_of(model, solvers, stronger=True)] if full else [])]
-        entries += [one.solve for one in chosen if isinstance(one.solve, Entry)]
-        if full and model.separates:
-            entries.append(separate)
-    for force in forces:
-        entries += functions_of(force)
-    return list(dict.fromkeys(entries))
 
 
 def entries_of_parts(model: ContactModel, forces: Sequence[Force], has_seams: bool) -> dict[str, Entry]:

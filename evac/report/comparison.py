@@ -96,12 +96,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Designs compared with the first of them.
-
-    Attributes
-    ----------
-    designs : tuple of Design
-    """
+    """Designs compared with the first of them."""
 
     designs: tuple[Design, ...]
 

@@ -115,21 +115,10 @@ class Watch(Saved):
             noticed = stayed & ((force > CRUSHING_FORCE) | (load > CRUSHING_LOAD))
             self._crushing.note(noticed, load, (force, load), begin, time, crowd)
 
-    def chatter(self) -> Observation | None:
-        """Return people who moved much more slowly than with the contact model's velocities, or None."""
-        return self._chatter.observation()
-
-    def crushing(self) -> Observation | None:
-        """Return people with lethal contact forces, or None."""
-        return self._crushing.observation()
-
-    def overlaps(self) -> Observation | None:
-        """Return people who overlapped others or walls by more than the contact model guarantees, or None."""
-        return self._overlaps.observation()
-
-    def dense(self) -> Observation | None:
-        """Return people in a crowd that was too dense for too long, or None."""
-        return self._dense.observation()
+    def observations(self) -> dict[str, Observation]:
+        """Return what exceeded its limit so far, as "chatter", "crushing", "overlaps" and "dense"."""
+        notes = {name: getattr(self, f"_{name}").observation() for name in ("chatter", "crushing", "overlaps", "dense")}
+        return {name: seen for name, seen in notes.items() if seen is not None}
 
 
 def densities(crowd: Crowd) -> FloatArray:

@@ -43,7 +43,7 @@ def contact_warnings(
 
     `rigid` names the registered contact models without overlaps and rebounds, see `ContactModel.rigid`. `keepers` names
     the registered behaviours that keep distances; None if one of them is in use. `overlaps` is what
-    `Watch.overlaps` has seen.
+    `Watch` has seen.
     """
     warnings = []
     overlap, promised, energy = report["greatest_overlap"], report["promised_overlap"], report["energy"]
@@ -89,7 +89,7 @@ def contact_warnings(
 
 
 def chatter_warning(seen: Observation, levels: Sequence[str], rigid: Sequence[str]) -> str:
-    """Return the quality warning on chattering contacts that `Watch.chatter` has seen; `rigid` as above."""
+    """Return the quality warning on chattering contacts that `Watch` has seen; `rigid` as above."""
     velocity, displacement = seen.values
     return (
         "chattering contacts: evacuation times may be too short, because rebounding bodies loosen a jam; compare with a"
@@ -100,7 +100,7 @@ def chatter_warning(seen: Observation, levels: Sequence[str], rigid: Sequence[st
 
 
 def crushing_warning(seen: Observation, levels: Sequence[str], keepers: Sequence[str] | None) -> str:
-    """Return the quality warning on lethal contact forces that `Watch.crushing` has seen; `keepers` as above."""
+    """Return the quality warning on lethal contact forces that `Watch` has seen; `keepers` as above."""
     force, load = seen.values
     advice = "" if keepers is None else f", or use a behaviour with which people keep their distance{_sets(keepers)}"
     return (
@@ -112,7 +112,7 @@ def crushing_warning(seen: Observation, levels: Sequence[str], keepers: Sequence
 
 
 def density_warning(seen: Observation, levels: Sequence[str], keepers: Sequence[str] | None) -> str:
-    """Return the quality warning on crowds that `Watch.dense` has seen; `keepers` as above."""
+    """Return the quality warning on crowds that `Watch` has seen; `keepers` as above."""
     advice = "" if keepers is None else f" use a behaviour with which people keep their distance{_sets(keepers)},"
     return (
         f"dangerous density: crowds above {DENSITY:g} people per square metre are in danger of their lives;{advice} "

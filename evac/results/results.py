@@ -751,10 +751,7 @@ def results_of(
     start_level: IntArray,
     crossings: tuple[IntArray, IntArray, FloatArray],
     report: Mapping[str, Any],
-    chatter: Observation | None = None,
-    crushing: Observation | None = None,
-    overlaps: Observation | None = None,
-    dense: Observation | None = None,
+    seen: Mapping[str, Observation],
     **others: Any,
 ) -> Results:
     """Return the results of a run, with the tables and quality warnings that follow from its data."""
@@ -777,10 +774,10 @@ def results_of(
     advised = None if case.keeps_distance else keepers
     quality = [
         *(f"the building is incomplete: {one}" for one in building.findings if one.kind == "missing"),
-        *contact_warnings(report, rigid, advised, overlaps),
-        *([chatter_warning(chatter, names, rigid)] if chatter else []),
-        *([crushing_warning(crushing, names, advised)] if crushing else []),
-        *([density_warning(dense, names, advised)] if dense else []),
+        *contact_warnings(report, rigid, advised, seen.get("overlaps")),
+        *([chatter_warning(seen["chatter"], names, rigid)] if "chatter" in seen else []),
+        *([crushing_warning(seen["crushing"], names, advised)] if "crushing" in seen else []),
+        *([density_warning(seen["dense"], names, advised)] if "dense" in seen else []),
     ]
     start = start_level, others["start_position"]
     passages = np.bincount(crossings[1], minlength=len(building.portals)).tolist()

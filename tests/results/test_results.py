@@ -53,7 +53,7 @@ def test_behaviours_that_keep_distances_are_recommended_where_none_is_in_use(mak
     registry.add_class(type("Stiff", (ContactModel,), {"name": "stiff", "rigid": True, "step": lambda *_: None}))
     case = load_case("square_room", {f"behaviours.{name}": values, "contact.model": "nsm1"}, registry=registry)
     pressed = Observation(3, 2.0, 8.0, 4.0, 6.0, 3, 4, 2.0, 5.0, (0.9, 0.2))
-    loose = make_results(case=case, crushing=pressed, chatter=pressed)
+    loose = make_results(case=case, seen={"crushing": pressed, "chatter": pressed})
     chatter, crushing = loose.quality_warnings
     assert "contact.model=stiff)" in chatter  # the model in use is not recommended
     settings = "behaviours.walking={} or behaviours.headway={} or behaviours.gaps={}"  # that of new cases first
@@ -65,7 +65,7 @@ def test_quality_warnings_are_in_the_summary(results, make_results, tmp_path):
     assert results.quality_warnings == ()
     noticed = Observation(3, 2.0, 8.0, 4.0, 6.0, 3, 4, 2.0, 5.0, (0.9, 0.2))
     deep = results.report | {"greatest_overlap": 0.15}
-    warned = make_results(report=deep, chatter=noticed, crushing=noticed)
+    warned = make_results(report=deep, seen={"chatter": noticed, "crushing": noticed})
     warned.write(tmp_path / "r")
     lines = json.loads((tmp_path / "r" / "summary.json").read_text())["quality_warnings"]
     assert lines == list(warned.quality_warnings)

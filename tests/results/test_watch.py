@@ -24,14 +24,14 @@ def test_velocities_that_nobody_moves_with_are_chatter():
     calm = crowd_of([1.0, 1.0, 1.0])
     for k in range(1, 5):
         watch.look(0.5 * k, calm, displaced(1.0, 0.9, 0.81))
-    assert watch.chatter() is None
+    assert watch.observations().get("chatter") is None
     for k in range(5, 9):
         watch.look(0.5 * k, calm, displaced(1.0, 0.4, 0.3))
-    found = watch.chatter()
+    found = watch.observations().get("chatter")
     assert (found.people, found.since, found.until, found.begin, found.end) == (2, 2.0, 4.0, 2.0, 4.0)
     assert (found.person, found.level, found.x, found.y) == (2, 0, 2.0, 5.0)
     assert found.values == pytest.approx((1.0, 0.3))
-    assert watch.crushing() is None
+    assert watch.observations().get("crushing") is None
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_velocities_that_nobody_moves_with_are_chatter():
 def test_chatter_is_more_than_twice_as_fast_and_by_more_than_a_fifth_of_a_metre_per_second(velocity, moved, is_chatter):
     watch = Watch(np.full(1, 0.2), 1, 2.0, 2.0)
     watch.look(2.0, crowd_of([velocity]), displaced(moved))
-    assert (watch.chatter() is not None) == is_chatter
+    assert (watch.observations().get("chatter") is not None) == is_chatter
 
 
 @pytest.mark.parametrize("people", [0, 1, 300])
@@ -64,9 +64,9 @@ def test_a_crowd_is_too_dense_if_it_is_so_for_ten_seconds_on_one_level(people, p
     for time in range(1, 10):
         crowd.position[0, 0] = 5.0 if time == parts else 0.2
         watch.look(float(time), crowd, np.zeros((people + 1, 2)))
-    assert watch.dense() is None
+    assert watch.observations().get("dense") is None
     watch.look(10.0, crowd, np.zeros((people + 1, 2)))
-    found = watch.dense()
+    found = watch.observations().get("dense")
     assert (found is not None) == is_dense == (people > DENSITY and not parts)
     if found is not None:
         assert (found.people, found.begin, found.end, found.values[0]) == (7, 0.0, 10.0, 7.0)
@@ -78,14 +78,14 @@ def test_who_leaves_within_a_span_is_left_out_of_it():
     watch.look(1.0, crowd, displaced(0.0, 0.0))
     crowd.level[0] = -1
     watch.look(2.0, crowd, displaced(0.0, 0.0))
-    assert (watch.chatter().people, watch.chatter().person) == (1, 1)
+    assert (watch.observations().get("chatter").people, watch.observations().get("chatter").person) == (1, 1)
 
 
 def test_people_are_counted_once_and_the_greatest_span_is_kept():
     watch = Watch(np.full(1, 0.2), 1, 2.0, 2.0)
     for k, velocity in enumerate((1.0, 2.0, 1.5, 0.0), 1):
         watch.look(2.0 * k, crowd_of([velocity]), displaced(0.1))
-    found = watch.chatter()
+    found = watch.observations().get("chatter")
     assert (found.people, found.since, found.until, found.begin, found.end) == (1, 0.0, 6.0, 2.0, 4.0)
     assert found.values == pytest.approx((2.0, 0.1))
 
@@ -95,9 +95,9 @@ def press(forces, radius):
     watch = Watch(np.asarray(radius), 1, 0.1, 1.0)
     crowd = crowd_of(np.zeros(len(forces)), forces, radius=radius)
     for k in range(1, FEWEST_FRAMES + 1):
-        assert watch.crushing() is None
+        assert watch.observations().get("crushing") is None
         watch.look(float(k), crowd, np.zeros((len(forces), 2)))
-    return watch.crushing()
+    return watch.observations().get("crushing")
 
 
 def test_the_force_through_a_body_is_half_the_sum_over_its_contacts():
@@ -119,7 +119,7 @@ def test_a_single_impact_crushes_nobody():
     watch = Watch(np.full(1, 0.2), 1, 0.1, 0.5)
     for k in range(1, 21):
         watch.look(0.5 * k, crowd_of([0.0], 12e3 if k == 7 else 0.0), displaced(0.0))
-    assert watch.crushing() is None
+    assert watch.observations().get("crushing") is None
 
 
 def test_people_who_overlap_too_much_are_counted_once_with_period_and_greatest():
@@ -134,8 +134,8 @@ def test_people_who_overlap_too_much_are_counted_once_with_period_and_greatest()
         crowd.overlap[:] = overlaps
         crowd.level[2] = -1  # who has left is not counted
         watch.look(time, crowd, displaced(0.0, 0.0, 0.0))
-    found = watch.overlaps()
+    found = watch.observations().get("overlaps")
     assert (found.people, found.since, found.until) == pytest.approx((2, 0.1, 0.3))
     assert (found.person, found.begin, found.end, found.x, found.y) == pytest.approx((1, 0.2, 0.3, 1.0, 5.0))
     assert found.values == pytest.approx((0.15, 0.6))
-    assert watch.chatter() is watch.crushing() is None
+    assert watch.observations().get("chatter") is watch.observations().get("crushing") is None

@@ -101,7 +101,7 @@ def test_kernels_of_the_step_loop_are_compiled_for_their_engine_alone():
     case = walkers()
     scene = make_building(case), make_contact_model(case), make_forces(case), make_behaviours(case), False
     assert driver.advance in run_kernels(case, CompiledEngine, *scene)
-    assert run_kernels(case, FreeWalk, *scene) == []
+    assert driver.advance not in run_kernels(case, FreeWalk, *scene)
 
 
 def test_a_run_with_another_engine_is_resumed(free_walk):

@@ -84,7 +84,7 @@ def test_contacts_that_chatter_have_a_warning():
     """The paper's K_N reverses velocities in most steps of a jam."""
     velocity, speed, simulation = velocities_in_a_jam(model_of("nsm2"))
     assert velocity > 2.0 * speed
-    found = simulation.watch.chatter()
+    found = simulation.watch.observations().get("chatter")
     assert found.people >= 3
     assert found.values[0] > 2.0 * found.values[1]
     assert any(line.startswith("chattering contacts: ") for line in simulation.results().quality_warnings)
@@ -97,23 +97,23 @@ def test_nobody_walks_in_place(dissipation, correction):
     changes = {"contact.nsm2.normal_dissipation": dissipation, "contact.nsm2.position_correction": correction}
     velocity, speed, simulation = velocities_in_a_jam(model_of("nsm2") | changes)
     assert velocity < 1.25 * speed
-    assert simulation.watch.chatter() is None
+    assert simulation.watch.observations().get("chatter") is None
     assert (simulation.results().report["position_corrections"] > 0) == correction
 
 
 def test_constrained_positions_do_not_chatter():
     velocity, speed, simulation = velocities_in_a_jam(model_of("nsm1"))
     assert velocity < 1.25 * speed
-    assert simulation.watch.chatter() is None
+    assert simulation.watch.observations().get("chatter") is None
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_forces_that_nobody_survives_have_a_warning_in_a_jam_only(model):
     crowded, few = (Simulation(load_case("square_room", changes | model_of(model))) for changes in (CROWDED, {}))
-    found = run_ticks(crowded, 150).watch.crushing()
+    found = run_ticks(crowded, 150).watch.observations().get("crushing")
     assert found.people >= 1
     assert found.values[1] > 4500.0
-    assert run_ticks(few, 150).watch.crushing() is None
+    assert run_ticks(few, 150).watch.observations().get("crushing") is None
 
 
 @pytest.mark.parametrize("model", MODELS)

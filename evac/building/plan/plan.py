@@ -164,24 +164,6 @@ class Plan:
     headroom : float [m]
         Minimum free height above and below stairs; floors that leave less are cut away. 0 cuts nothing.
 
-    Attributes
-    ----------
-    storeys : dict of str to Storey
-        By name, in the order in which they were added.
-    rooms : list of Room
-    stairs : list of Stair
-    shafts : list of Shaft
-    doors, exits, openings, areas, obstacles : list of Item
-    lifts : list of LiftItem
-    pieces : list of (str, str, tuple)
-        Flights and landings added one by one: the stair, the kind and the shape.
-    proposals : list of (Finding, dict)
-        Stairs that an importer has seen and not added: a finding, which is one of `findings`, and arguments of `stair`.
-    lines : list of (str, str, (2, 2) array [m])
-        Lines through which people are counted: name, storey and ends. `evac import` writes them into the case.
-    findings : list of Finding
-        Repairs and omissions made when shapes were added, and findings of importers.
-
     Examples
     --------
     >>> plan = Plan()
@@ -199,7 +181,7 @@ class Plan:
         self.source = Path(source)
         self.headroom = self._number("plan", "headroom", headroom, least=0.0)
         self.north = None if north is None else self._number("plan", "north", north)
-        self.storeys: dict[str, Storey] = {}
+        self.storeys: dict[str, Storey] = {}  #: by name, in the order in which they were added
         self.rooms: list[Room] = []
         self.stairs: list[Stair] = []
         self.shafts: list[Shaft] = []
@@ -209,9 +191,15 @@ class Plan:
         self.areas: list[Item] = []
         self.obstacles: list[Item] = []
         self.lifts: list[LiftItem] = []
+        #: flights and landings added one by one, each with the stair, the kind and the shape
         self.pieces: list[tuple[str, str, tuple[Any, ...]]] = []
+        #: stairs that an importer has seen and not added, each a finding, which is one of `findings`, and arguments of
+        #: `stair`
         self.proposals: list[tuple[Finding, dict[str, Any]]] = []
+        #: lines (2, 2) [m] through which people are counted, with name and storey; `evac import` writes them into the
+        #: case
         self.lines: list[tuple[str, str, FloatArray]] = []
+        #: repairs and omissions made when shapes were added, and findings of importers
         self.findings: list[Finding] = []
         self.refused: set[str] = set()  # storeys and rooms that a plan file does not define as it should
 

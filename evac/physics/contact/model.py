@@ -56,51 +56,33 @@ def border_scene(crowd: Crowd, step: float, explicit: bool) -> BorderScene:
 
 
 class ContactModel(Configurable, ABC):
-    """Base class of contact models. A subclass names a compiled kernel `law`, or defines `step` with NumPy.
+    """Base class of contact models. A subclass names a compiled kernel `law`, or defines `step` with NumPy."""
 
-    Attributes
-    ----------
-    law : Entry or None
-        A kernel ``law(state: State, own: ..., h: float) -> int`` that sets the velocities after a sub-step of `h` [s],
-        ``state.bodies.solved``, and the percussions, ``state.contacts.percussion``, from the contacts and
-        ``state.bodies.free``, and returns a status of `evac.physics.status`. Its second argument is the struct that
-        `own` returns.
-    midpoint : bool
-        Whether bodies move by the mean of the old and new velocity or by the new velocity.
-    overdamped : bool
-        Whether the free velocity equals the desired velocity, without inertia.
-    reach_share, reach_fastest : float
-        Search distance for contacts beyond touching: a share of the free paths of both bodies in a step, and at least
-        a share of the free path of the fastest body.
-    longest_path : float
-        Maximum free path of a body in a sub-step, in units of the smallest radius; longer steps are subdivided.
-    remembers : bool
-        Whether the law starts from the percussions of the previous sub-step (warm start).
-    reports_percussions : bool
-        Whether contact forces are the percussions divided by the length of a step; if not, the law reports them.
-    memory : tuple of str
-        Names of the numbers that the law keeps of each contact, column by column of ``state.contacts.memory``. They are
-        zero where a contact begins; the law replaces them in every sub-step, and they are lost when the contact is open
-        at the end of a sub-step. The two people of a contact may be exchanged, so the numbers must not depend on their
-        order: of a vector, keep the components along the normal and the tangent (-ny, nx), which are reversed
-        together, instead of x and y. The contacts of a person with two walls are different contacts.
-    along_the_way : bool
-        Whether bodies, and with them contacts, are sorted by travel time, the order in which sweeps transmit loads; if
-        not, they are sorted by place, which is faster in large crowds.
-    rigid : bool
-        Whether bodies neither overlap nor rebound. Warnings on overlaps and rebounds recommend such models.
-    """
-
+    #: a kernel ``law(state: State, own: ..., h: float) -> int`` that sets the velocities after a sub-step of `h` [s],
+    #: ``state.bodies.solved``, and the percussions, ``state.contacts.percussion``, from the contacts and
+    #: ``state.bodies.free``, and returns a status of `evac.physics.status`. Its second argument is the struct that
+    #: `own` returns.
     law: ClassVar[Entry | None] = None
-    midpoint: bool = False
-    overdamped: bool = False
+    midpoint: bool = False  #: whether bodies move by the mean of the old and new velocity or by the new velocity
+    overdamped: bool = False  #: whether the free velocity equals the desired velocity, without inertia
+    #: search distance for contacts beyond touching, as a share of the free paths of both bodies in a step
     reach_share: float = 0.0
-    reach_fastest: float = 0.0
+    reach_fastest: float = 0.0  #: at least this share of the free path of the fastest body is searched, too
+    #: maximum free path of a body in a sub-step, in units of the smallest radius; longer steps are subdivided
     longest_path: float = math.inf
-    remembers: bool = True
+    remembers: bool = True  #: whether the law starts from the percussions of the previous sub-step (warm start)
+    #: whether contact forces are the percussions divided by the length of a step; if not, the law reports them
     reports_percussions: bool = True
+    #: names of the numbers that the law keeps of each contact, column by column of ``state.contacts.memory``. They are
+    #: zero where a contact begins; the law replaces them in every sub-step, and they are lost when the contact is open
+    #: at the end of a sub-step. The two people of a contact may be exchanged, so the numbers must not depend on their
+    #: order; of a vector, keep the components along the normal and the tangent (-ny, nx), which are reversed together,
+    #: instead of x and y. The contacts of a person with two walls are different contacts.
     memory: ClassVar[tuple[str, ...]] = ()
+    #: whether bodies, and with them contacts, are sorted by travel time, the order in which sweeps transmit loads; if
+    #: not, they are sorted by place, which is faster in large crowds
     along_the_way: bool = False
+    #: whether bodies neither overlap nor rebound; warnings on overlaps and rebounds recommend such models
     rigid: ClassVar[bool] = False
 
     def check_scene(self, scene: BorderScene) -> None:
