@@ -26,11 +26,7 @@ Schema = dict[str, Any]
 
 
 def case_schema(registry: Registry) -> Schema:
-    """Return the schema of case.toml, with the parameters of all registered plugins.
-
-    It has the keys, types, ranges and words that evac accepts. What concerns several keys or the building is checked by
-    `evac check` alone.
-    """
+    """Return the schema of case.toml: the keys, types, ranges and words that evac accepts, also for plugins."""
     schema = Case.model_json_schema()
     definitions = {name: _without_names(one) for name, one in schema.pop("$defs").items()}
     plan = {key: value for key, value in plan_schema().items() if key != "$schema"}

@@ -118,10 +118,7 @@ def case_from(
     plugin_files: Iterable[str | Path] = (),
     registry: Registry | None = None,
 ) -> Case:
-    """Check the content of a case.toml; paths in it are relative to the folder of `source`.
-
-    Raises the errors of `load_case`.
-    """
+    """Check the content of a case.toml, as `load_case` does; paths in it are relative to the folder of `source`."""
     registry = registry or Registry()
     table = _with_plan(dict(table))
     _refuse(content_faults(table), table, source, [])

@@ -141,10 +141,7 @@ class Exposure(Saved):
             self.act(time, fields)
 
     def act(self, time: float, fields: Fields) -> None:
-        """Find the conditions at people's heads, and add the doses since they were last found.
-
-        Rates are linear in between, and the time at which a threshold is reached follows from that.
-        """
+        """Find the conditions at people's heads, and add the doses since they were last found."""
         crowd = self._crowd
         if time >= self._shown + PERIOD - AT_ONCE:
             self._shown = time
@@ -301,10 +298,7 @@ TURN_BACK = 100.0
 
 
 class RoutesInSmoke(Saved):
-    """Has routes solved again when smoke has changed by more than `smoke.noticed` on a level.
-
-    Others walk round people whom gases or heat have stopped, (n,) bool, an array that its owner changes.
-    """
+    """Has routes solved again when smoke has changed by more than `smoke.noticed` on a level."""
 
     saved = ("_counts", "_version")
 

@@ -85,10 +85,7 @@ def share_in_smoke(
 
 
 def share_with_irritants(concentration: FloatArray) -> FloatArray:
-    """Return the share (n,) of the speed that fractional irritant concentrations (n,) leave, after eq. 63.13 of SFPE.
-
-    This curve of the SFPE Handbook is a concept: it does not follow from measurements of walking.
-    """
+    """Return the share (n,) of the speed that fractional irritant concentrations (n,) leave: SFPE, eq. 63.13."""
     share: FloatArray = (np.exp(-((1000.0 * concentration / 160.0) ** 2)) + 0.2 - 0.2 * concentration) / 1.2
     return np.clip(share, 0.0, 1.0)
 

@@ -40,10 +40,7 @@ SHOWN = (REPLAY_NAME, REPORT_NAME)
 
 
 class Command:
-    """A command that writes a result folder, in a process of its own, which goes on when `evac edit` ends.
-
-    A later `evac edit` finds one that goes on by the lock of its folder.
-    """
+    """A command that writes a result folder, in a process of its own, which goes on when `evac edit` ends."""
 
     def __init__(self, folder: Path, plugins: Sequence[Path] = ()) -> None:
         self.folder, self.plugins = folder.absolute(), plugins

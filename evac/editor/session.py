@@ -207,10 +207,7 @@ class Session:
         return folder / main.name
 
     def orders(self, given: Mapping[str, Any]) -> dict[str, Callable[[], Any]]:
-        """Return by name what a page can have done with what it has given; each raises an EvacError if it cannot be.
-
-        Of a plan file, which is no case, nothing is run.
-        """
+        """Return by name what a page can have done with what it has given; each raises an EvacError if it cannot be."""
         found: dict[str, Callable[[], Any]] = {
             "check": lambda: self.check(str(given["page"]), int(given["revision"]), dict(given["table"])),
             "save": lambda: self.save(dict(given["table"]), str(given["digest"])),

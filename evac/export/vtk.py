@@ -168,11 +168,7 @@ def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
 
 
 def cars_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
-    """Return the cars of lifts at a time: floor and sides, with cell arrays.
-
-    These are lift (index in the field array ``lift_names``), level, whether the doors are open, and the number of
-    people.
-    """
+    """Return the cars of lifts at a time: floor and sides, with cell arrays."""
     from evac.building.model.lifts import CAR_HEIGHT, car_body, cars_at
 
     building = trajectory.building

@@ -404,10 +404,7 @@ class Intrinsic:
 
 
 class AddressCall:
-    """A call of machine code at an address with a fixed signature, by which kernels call exchangeable parts.
-
-    The first argument of a call is the address.
-    """
+    """A call of machine code at an address, its first argument, by which kernels call exchangeable parts."""
 
     def __init__(self, arguments: Sequence[Any], returns: tuple[Any, ...]) -> None:
         self.kinds = tuple(kind_of(hint) for hint in arguments)

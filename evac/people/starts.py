@@ -48,10 +48,7 @@ def load_table() -> dict[str, dict[str, Any]]:
 
 
 def rooms_of(source: str, people: "GroupSettings", building: Building) -> list[tuple[Area, float]]:
-    """Return the areas in which a group starts at random, each with the number of people that it holds by itself.
-
-    That is their density if the group has one, or what the plan states for the room, or the load of its use.
-    """
+    """Return the areas in which a group starts at random, each with the number of people that it holds by itself."""
     if people.use is not None:
         rooms = [area for area in building.areas if area.use == people.use]
         if not rooms:

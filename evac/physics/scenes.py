@@ -15,10 +15,7 @@ Bounds = tuple[float, float, float, float]
 
 
 def room(bounds: Bounds, inner_walls: ArrayLike = (), exits: tuple[Bounds, ...] = ()) -> Building:
-    """Return one flat level with walls around `bounds` [m], further walls (w, 4), and exits.
-
-    Exits are segments on the right side, x = x2, rising in y; the wall there is left out between their ends.
-    """
+    """Return one flat level with walls around `bounds` [m], further walls (w, 4), and exits on its right side."""
     x1, y1, x2, y2 = bounds
     ends = [y1, *(y for way_out in exits for y in (way_out[1], way_out[3])), y2]
     right = [(x2, low, x2, high) for low, high in zip(ends[::2], ends[1::2], strict=True)]

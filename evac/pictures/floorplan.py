@@ -211,10 +211,7 @@ def _draw_place(axes: Axes, place: Place) -> None:
 def beside(
     axes: Axes, segments: FloatArray, text: str, colour: str, *, size: float = 6.5, weight: str = "normal"
 ) -> None:
-    """Write a text outside the middle of a line, which has the inside on its left; upright where the line is.
-
-    An upright text needs no more space beside the plan than its height, so that it is not cut off.
-    """
+    """Write a text outside the middle of a line, which has the inside on its left; upright where the line is."""
     x1, y1, x2, y2 = segments[len(segments) // 2].tolist()
     length = math.hypot(x2 - x1, y2 - y1)
     outward = (y2 - y1) / length, -(x2 - x1) / length

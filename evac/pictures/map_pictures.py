@@ -172,10 +172,7 @@ def draw_difference(
     dpi: int = 120,
     greatest: tuple[float, float] = (WIDTH, HEIGHT),
 ) -> Figure:
-    """Draw the difference of two maps of a quantity with equal cells, others - maps, as `draw_grids` draws values.
-
-    Levels are those with the same name; cells on the floor of only one of the two have no colour.
-    """
+    """Draw the difference of two maps of a quantity, others - maps, on levels with the same name and equal cells."""
     grids = {
         name: _aligned(others[name].array(quantity), others[name], own) - own.array(quantity)
         for name, own in maps.items()

@@ -66,10 +66,7 @@ class Look(NamedTuple):
 
 
 def group_looks(count: int) -> list[Look]:
-    """Return the looks of `count` groups, and last that of people without group.
-
-    Looks repeat after 72 groups.
-    """
+    """Return the looks of `count` groups, of which the first 72 differ, and last that of people without group."""
     kinds = len(MARKS) + 1
 
     def look(k: int) -> Look:

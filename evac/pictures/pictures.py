@@ -29,9 +29,8 @@ SIZE = (8.0, 5.0)
 def egress_figure(results: Results, size: tuple[float, float] = SIZE, has_title: bool = True) -> Figure:
     """Return the egress curve of all people who are to leave, and of each group of them if there are several.
 
-    Groups of one person have no curve, which the legend says, and there are none if there are too many.
-
-    `size`: width and height [inches].
+    Groups of one person have no curve, which the legend says, and there are none if there are too many. Sizes are in
+    inches.
     """
     people = len(results.leaving)
     note = f"{results.evacuated} of {people} out"

@@ -117,10 +117,7 @@ def plans(building: Building) -> list[Picture]:
 
 
 def course(trajectory: Trajectory, exit_times: FloatArray) -> list[Picture]:
-    """Return pictures of a run when `SHARES_OUT` of the people are out, as far as they come to be.
-
-    `exit_times` (n,) [s]: of the people who are to leave, NaN for those who did not.
-    """
+    """Return pictures of a run when `SHARES_OUT` of the people, with exit times (n,) [s], are out."""
     draw = _renderer(trajectory, COURSE)
     times = [(share, time_of_share(exit_times, share)) for share in SHARES_OUT]
     return [

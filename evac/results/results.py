@@ -193,27 +193,6 @@ class Results:
 
     Every key of summary.json (docs/summary.md) is declared here once: it is a field, or a `Derived` value that follows
     from others. Fields marked `Unwritten` are not in that file.
-
-    Attributes
-    ----------
-    crowd : Crowd
-        Arrays of all people at the end. In results that were read, velocities, contact forces, contact radii, speed
-        factors and extra directions are NaN, because they are not written.
-    groups : sequence of Group
-        Groups with ``name`` and ``rows``.
-    start_position : (n, 2) float64 [m]
-    start_level : (n,) int32
-    crossings : tuple of (m,) int32, (m,) int32, (m,) float64 [s]
-        Person, portal and time of every crossing of a portal, in the order of the log; see
-        `evac.analysis.lines.moves_of`.
-    stuck : sequence of int
-        People inside at the end who had made no progress for 10 s, or for ``no_progress`` if that is less.
-    exposure : mapping of str to (n,) float64
-        The `EXPOSURE_COLUMNS` by name, in a case with conditions.
-    margins : mapping of str to (n,) float64
-        The `MARGIN_COLUMNS` by name [s], in a case with [safety]; NaN for people on whose way no criterion is met.
-    folder : Path or None
-        Result folder of the run.
     """
 
     __pydantic_config__ = ConfigDict(allow_inf_nan=False)
@@ -321,15 +300,22 @@ class Results:
     """Every key of the case with its value; null stands for infinity."""
     case_or_reader: Unwritten[Any] = field(repr=False, compare=False)  # a Case, or a function that returns it
     building_or_none: Unwritten[Building | None] = field(repr=False)
+    #: arrays of all people at the end. In results that were read, velocities, contact forces, contact radii, speed
+    #: factors and extra directions are NaN, because they are not written.
     crowd: Unwritten[Crowd]
-    groups: Unwritten[Sequence[Group]]
-    start_position: Unwritten[FloatArray]
-    start_level: Unwritten[IntArray]
+    groups: Unwritten[Sequence[Group]]  #: groups with ``name`` and ``rows``
+    start_position: Unwritten[FloatArray]  #: (n, 2) [m]
+    start_level: Unwritten[IntArray]  #: (n,)
+    #: person (m,), portal (m,) and time (m,) [s] of every crossing of a portal, in the order of the log; see
+    #: `evac.analysis.lines.moves_of`
     crossings: Unwritten[tuple[IntArray, IntArray, FloatArray]]
+    #: people inside at the end who had made no progress for 10 s, or for ``no_progress`` if that is less
     stuck: Unwritten[Sequence[int]] = ()
+    #: the `EXPOSURE_COLUMNS` (n,) by name, in a case with conditions
     exposure: Unwritten[Mapping[str, FloatArray]] = field(default_factory=dict)
+    #: the `MARGIN_COLUMNS` (n,) by name [s], in a case with [safety]; NaN for people on whose way no criterion is met
     margins: Unwritten[Mapping[str, FloatArray]] = field(default_factory=dict)
-    folder: Unwritten[Path | None] = None
+    folder: Unwritten[Path | None] = None  #: result folder of the run
     recorded: Unwritten[bytes | None] = field(default=None, repr=False)  # the trajectory of a run without a folder
     noticed: Unwritten[Sequence[str]] = ()  # quality warnings but for those of flows and queues
     advised: Unwritten[Sequence[str] | None] = None  # behaviours that would keep distances, if none does

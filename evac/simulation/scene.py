@@ -70,30 +70,6 @@ class Scene(Saved):
         Of directions that follow the crowd; without them none do.
     keeps_distances : bool
         Whether people keep distances, so that they walk round the crowd.
-
-    Attributes
-    ----------
-    shared_scene : SharedScene
-        The initial state.
-    building : Building
-        The building with its currently closed portals and exits.
-    fields : Fields
-    quickest : Quickest or None
-        The directions that follow the crowd, if a route has the strategy "quickest".
-    local : LocalWays or None
-        The ways round the crowd of other routes, if people keep distances.
-    smoky : Smoky or None
-        The routes in smoke, from when smoke is first noticed after a change of the building.
-    time : float
-        Simulated time [s]: the beginning of the next tick.
-    changes : list of Change
-        The changes so far, in order, each with the time at which it took effect.
-    new_ways : list of int
-        The people who have begun another way at this tick, on which progress counts anew.
-    controls : Controls
-        Whom controlled links let through.
-    cut_off_at : (n,) float64
-        Since when each person has no way left [s], NaN for those who have one.
     """
 
     saved = (
@@ -112,13 +88,15 @@ class Scene(Saved):
     ) -> None:
         self.building, self.shared_scene = shared_scene.building, shared_scene
         self._settings, self._keeps_distances = settings, keeps_distances
+        #: the directions that follow the crowd, if a route has the strategy "quickest"
         self.quickest: Quickest | None = None
         self.waits_for_lifts: WaitsForLifts = no_waits
-        self.local: LocalWays | None = None
+        self.local: LocalWays | None = None  #: the ways round the crowd of other routes, if people keep distances
+        #: the routes in smoke, from when smoke is first noticed after a change of the building
         self.smoky: Smoky | None = None
         self.fields = self._own_fields(shared_scene.fields)
-        self.time = 0.0
-        self.changes: list[Change] = []
+        self.time = 0.0  #: simulated time, the beginning of the next tick [s]
+        self.changes: list[Change] = []  #: the changes so far, in order, each with the time at which it took effect
         self._of_lifts = 0
         self.ways_version = 0
         self._has_begun = self._has_ended = False
@@ -131,7 +109,8 @@ class Scene(Saved):
         self._in_barred: dict[str, NDArray[np.uint8]] = {}  # by area, how each person has been in it
         self._solve = solve
         number = 0 if people is None else len(people.crowd.level)
-        self.controls = Controls(number, len(self.building.links))
+        self.controls = Controls(number, len(self.building.links))  #: whom controlled links let through
+        #: (n,): since when each person has no way left [s], NaN for those who have one
         self.cut_off_at = np.full(number, np.nan)
 
     def begin(self) -> None:

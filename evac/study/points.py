@@ -129,10 +129,7 @@ def check_number(points: int) -> None:
 
 
 def read_table(path: Path) -> list[dict[str, Any]]:
-    """Return the rows of a table: a CSV file with dotted keys as header.
-
-    Values are read as TOML, or else taken as strings; an empty field keeps the value of the case.
-    """
+    """Return the rows of a CSV file with dotted keys as header; an empty field keeps the value of the case."""
     try:
         if path.stat().st_size > MOST_BYTES:
             raise ValueError(f"it has more than {MOST_BYTES} bytes")

@@ -29,10 +29,7 @@ def repaired(name: str) -> str:
 
 
 def numbered(name: str, taken: Container[str]) -> str:
-    """Return the name, or if it is taken the name with a free number from 2 on: ``door (2)``.
-
-    It is the first one if the numbers before it are taken without a gap.
-    """
+    """Return the name, or if it is taken the name with a free number from 2 on: ``door (2)``."""
     if name not in taken:
         return name
     most = next(2**power for power in itertools.count(1) if f"{name} ({2**power})" not in taken)

@@ -351,10 +351,7 @@ def _not_plane(surface: Surface, label: IndexArray, levels: list[Level]) -> tupl
 
 
 def find_portals(surface: Surface, table: EdgeTable, level_set: LevelSet) -> tuple[Portal, ...]:
-    """Make a portal from each chain of edges shared by two levels, ordered by levels and place.
-
-    It is named by both: of a stair by the stair, between two of its pieces by these.
-    """
+    """Make a portal from each chain of edges shared by two levels, ordered by levels and place, and named by both."""
     shared = np.flatnonzero(table.partner >= 0)
     pairs = np.column_stack([table.cell[shared], table.partner[shared]])
     pairs = level_set.level_of_cell[pairs]
