@@ -532,8 +532,7 @@ class CompiledEngine(Engine):
         report["greatest_overlap_at"] = place if report["greatest_overlap"] else None
         report["failed_solver"] = ""
         if isinstance(model, SolvedContactModel) and report["failed_solves"]:
-            solver = solver_of(model, self._solvers)
-            report["failed_solver"] = place_of(solver)
+            report["failed_solver"] = place_of(self._solvers[model.solver])
         report["energy"] = {key: report.pop(key) for key in ("driving_work", "contact_dissipation", "contact_creation")}
         return report | {"model": model.name, "parameters": model.values()}
 
