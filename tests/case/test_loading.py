@@ -218,6 +218,17 @@ def test_change_makes_another_checked_case_and_leaves_the_first(case_file, regis
         case.change({"simulation.seed": -1})
 
 
+def test_an_event_sends_people_to_exits_or_to_assembly_areas(case_file, registry):
+    case = load_case(case_file, {"place": [{"name": "yard", "kind": "assembly", "area": "desks"}]}, registry=registry)
+    for names in (["north", "south"], ["yard"], ["yard", "north"]):
+        event = {"time": 1.0, "kind": "strategy", "target": "pupils", "value": names}
+        if names != ["yard", "north"]:
+            assert case.change({"event": [event]}).event[0].value == tuple(names)
+            continue
+        with pytest.raises(ScenarioError, match=r"event\.0\.value: "):
+            case.change({"event": [event]})
+
+
 def test_to_dict_is_complete_plain_and_makes_the_same_case_again(case_file, registry):
     case = load_case(case_file, registry=registry)
     table = json.loads(json.dumps(case.to_dict()))

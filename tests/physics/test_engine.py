@@ -252,6 +252,7 @@ def test_a_part_that_is_never_needed_is_never_loaded():
     engine = walk(Nsm1(), crowd, 100)
     assert (engine.data.parts.stronger.solve, engine.data.parts.separation) == (0, 0)
     assert engine.data.parts.solver.solve == SOLVERS["accelerated_sweeps"].solve.address
+    assert [is_in for _, is_in, _ in engine.explain(Nsm1())] == [False, True, False, False]
 
 
 @pytest.mark.parametrize("separates", [False, True])
@@ -259,6 +260,7 @@ def test_everything_forced_in_is_what_the_model_can_ask_for(separates):
     engine = make_engine(make_crowd([(0, 0)]), full=True)
     engine.load(Nsm2(position_correction=separates))
     assert engine.data.parts.stronger.solve != 0
+    assert all(is_in for _, is_in, _ in engine.explain(Nsm2(position_correction=separates)))
     assert (engine.data.parts.separation != 0) == separates
 
 

@@ -193,8 +193,10 @@ def test_people_choose_again_once_a_period_from_where_they_are(building):
     of.crowd.level[1] = -1
     behaviour.act(of.crowd, 4.9)
     assert [route.exits for route in chosen(of)] == [("stair",), ("stair",)]
-    behaviour.act(of.crowd, 5.0)
-    assert [route.exits for route in chosen(of)] == [("flat",), ("stair",)]
+    for time, nearer, exit_ in ((5.0, 2.0, "flat"), (9.9, 9.0, "flat"), (10.0, 9.0, "stair")):
+        of.crowd.position[:, 0] = nearer
+        behaviour.act(of.crowd, time)
+        assert [route.exits for route in chosen(of)] == [(exit_,), ("stair",)]
 
 
 @pytest.mark.parametrize(

@@ -117,11 +117,11 @@ def unnamed_layers():
 
 
 def windows():
-    """The outer wall is interrupted by a window of three lines, without jambs, beside the door."""
+    """The outer wall is interrupted by a window of three lines, which end 0.2 m before it, beside the door."""
     drawing = Drawing("m")
-    drawing.rings(BODY.difference(shapely.box(6.0, 4.3, 8.0, 4.6)), "wall")
+    drawing.rings(BODY.difference(shapely.box(5.9, 4.3, 8.7, 4.6)), "wall")
     for y in (4.3, 4.45, 4.6):
-        drawing.line([(6.0, y), (8.0, y)], "Fenster")
+        drawing.line([(6.1, y), (8.5, y)], "Fenster")
     drawing.doors("door")
     return drawing
 

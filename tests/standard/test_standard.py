@@ -1,6 +1,7 @@
 """The standard tests: names, buildings, runs and their folders, criteria, verdicts, and the page."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from shapely import box
 from evac.base.errors import SimulationError
 from evac.results.results import Results
 from evac.standard import plans
-from evac.standard.crowds import weidmann
+from evac.standard.crowds import STAIR_DENSITIES, STAIR_SPEEDS, speeds_on_a_stair, weidmann
 from evac.standard.trial import StandardTest, Trial, check
 from evac.standard.verify import (
     FAILED,
@@ -102,6 +103,21 @@ def test_people_are_faster_down_a_stair_than_up_at_equal_densities(tmp_path):
     test = replace(find_tests(["RiMEA-13"])[0], runs=1)
     faster = carry_out(test, Trial(tmp_path), 1).checks[-1].mean
     assert 1.1 < faster < 1.6  # speeds alone: 1.36 (IMO MSC.1/Circ.1533, annex 3)
+
+
+def test_speeds_on_a_stair_count_at_the_densities_that_were_measured():
+    """So many people on 10 m2 at each moment: in the middle of the band up, faster down by 15 %, wrong elsewhere."""
+    numbers = [1, 6, 8, 10, 12, 14, 15, 30]
+
+    def runs(plan, people, way):
+        x = np.where(np.arange(40) < np.repeat(numbers, 10)[:, None], 2.5, -1.0)
+        middle = np.interp(0.1 * np.repeat(numbers, 10), STAIR_DENSITIES, np.mean(STAIR_SPEEDS["up"], axis=0))
+        middle[(np.repeat(numbers, 10) < 6) | (np.repeat(numbers, 10) > 15)] = 9.0
+        speed = np.broadcast_to((middle * (1.15 if way == "down" else 1.0))[:, None], x.shape)
+        return [SimpleNamespace(trajectory=SimpleNamespace(position=np.stack([x, x], axis=2), speed=speed))]
+
+    up, down, ratio = speeds_on_a_stair(SimpleNamespace(runs=runs))
+    assert (up.values, down.values, ratio.values) == ((1.0,), (1.0,), (pytest.approx(1.15),))
 
 
 def test_an_exit_that_closes_is_not_used_and_would_be_if_it_stayed_open(tmp_path):
