@@ -23,13 +23,13 @@ from evac.conditions.source import AT_ONCE, HEAD, IRRITANTS, QUANTITIES
 from evac.contract.registry import create
 from evac.directions.fields import Fields
 from evac.directions.raster.grids import OWN
-from evac.directions.smoky import Smoky
 from evac.people.groups import reference_speeds
 from evac.people.population import Group
 from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
     from evac.case.case import Case
+    from evac.directions.smoky import Smoky
     from evac.simulation.scene import Scene
 
 #: Doses above which people are counted.

@@ -19,7 +19,7 @@ from evac.base.defaults import COMFORT, ORDER, SPACING
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 from evac.building.geometry import connected_components
-from evac.building.model.building import Area, Building, Exit
+from evac.building.model.building import Building, Exit
 from evac.building.model.links import levels_reaching
 from evac.building.model.narrow import gaps_below, gaps_between_walls
 from evac.building.surface.build import measures
@@ -31,12 +31,13 @@ from evac.directions.lengths import (
     barred_on,
     continue_values,
     ends_of_route,
+    exits_of_route,
     routes_at_present,
-    slowness_of,
     strips_of,
     take_halos,
 )
-from evac.directions.march.marching import March, Metric, march_all, number_of_workers
+from evac.directions.march.marching import march_all, number_of_workers
+from evac.directions.march.solver import Problem
 from evac.directions.raster.grids import (
     OWN,
     BuildingGrids,
@@ -200,7 +201,6 @@ def build_fields(
     classes = find_classes(building, narrowest, widest)
     _check_memory(building, len(routes) * (1 + len(classes)), spacing, clearance)
     present = routes_at_present(building, routes)
-    barred = tuple(barred_on(building, route) for route in present)
     solver = _Solver(
         building=building,
         routes=present,
@@ -209,10 +209,7 @@ def build_fields(
         rates=tuple(_rates(route, speeds, comfort) for route in routes),
         order=order,
         workers=workers,
-        barred=barred,
-        reaching=tuple(
-            _levels_leading(building, route, shut, anywhere) for route, shut in zip(present, barred, strict=True)
-        ),
+        reaching=tuple(_levels_leading(building, route, anywhere) for route in present),
     )
     solved = solver.solve_classes(narrowest, classes)
     if anywhere:
@@ -289,7 +286,6 @@ class _Solver:
     rates: tuple[FloatArray, ...]
     order: int
     workers: int | None
-    barred: tuple[frozenset[tuple[int, int]], ...]
     reaching: tuple[tuple[int, ...], ...]
     shared: Shared = field(default_factory=Shared)
 
@@ -303,7 +299,6 @@ class _Solver:
     def solve(self, barred: float, avoided: float = 0.0) -> _Solved:
         """Return the fields with gaps narrower than `barred` [m] as walls, and those narrower than `avoided` slow."""
         grids = build_grids(self.building, self.spacing, self.clearance, barred, self.shared)
-        ways = [ends_of_route(grids.building, route) for route in self.routes]
         factor, for_directions = _slowed(grids, _factor(grids, avoided))
         bent = _bent(grids, self.clearance, for_directions) if self.clearance > 0.0 else None
         solved = _Solved(
@@ -314,7 +309,7 @@ class _Solver:
             travel_times=[],
             marched=MarchedClass(barred, [], {}),
         )
-        with closing(_solve(grids, ways, self, factor, bent)) as fields:
+        with closing(_solve(grids, self, factor, bent)) as fields:
             for reaching, (direction, travel_time) in zip(self.reaching, fields, strict=True):
                 take_halos(grids, travel_time)
                 continue_values(grids, travel_time)
@@ -373,10 +368,9 @@ def _fill(upper: _Solved, route: int, lower: _Solved, other: int) -> None:
     direction[lost] = lower.directions[other][lost]
 
 
-def _levels_leading(
-    building: Building, route: Route, barred: frozenset[tuple[int, int]], anywhere: bool
-) -> tuple[int, ...]:
+def _levels_leading(building: Building, route: Route, anywhere: bool) -> tuple[int, ...]:
     """Return the levels that a route leads out from; `anywhere` as for `build_fields`."""
+    barred = barred_on(building, route)
     routes = (route, replace(route, exits=())) if anywhere else (route,)
     ends = (ends_of_route(building, one) for one in routes)
     return tuple(sorted(set().union(*(levels_reaching(building, own, barred, bool(route.lifts)) for own in ends))))
@@ -396,7 +390,6 @@ def _lead_anywhere(solver: _Solver, solved: list[_Solved], narrowest: float, cla
         solver,
         routes=tuple(replace(solver.routes[index], exits=()) for index in lost),
         rates=tuple(solver.rates[index] for index in lost),
-        barred=tuple(solver.barred[index] for index in lost),
         reaching=tuple(solver.reaching[index] for index in lost),
     )
     for own, other in zip(solved, others.solve_classes(narrowest, classes), strict=True):
@@ -521,7 +514,7 @@ def _slowed(grids: BuildingGrids, factor: FloatArray) -> tuple[FloatArray, Float
         doors = np.concatenate([np.zeros((0, 4)), *(way.segments for way in ways)])
         ends.append(grid.nodes_near(doors, grids.lattice.spacing))
     links = np.concatenate(pairs)
-    part = connected_components(grids.size, links[~barred[links].any(axis=1)])
+    part = connected_components(grids.size, links[~barred[links].any(axis=1)].astype(np.int64))
     is_cut_off = grids.own_nodes & ~np.isin(part, part[np.concatenate(ends)])
     return factor * np.where(barred, BARRED, 1.0), factor * np.where(barred | is_cut_off, BARRED, 1.0)
 
@@ -535,27 +528,21 @@ def _bent(grids: BuildingGrids, clearance: float, avoided: FloatArray) -> FloatA
 
 
 def _solve(
-    grids: BuildingGrids,
-    ways: Sequence[list[Exit | Area]],
-    solver: _Solver,
-    avoided: FloatArray,
-    bent: FloatArray | None,
+    grids: BuildingGrids, solver: _Solver, avoided: FloatArray, bent: FloatArray | None
 ) -> Generator[tuple[FloatArray, FloatArray], None, None]:
     """Yield directions (nodes, 2) and travel times (nodes,) to the exits of each route on all grids, as marched."""
-    building = grids.building
-    marches = []
-    for route, rate, exits, barred in zip(solver.routes, solver.rates, ways, solver.barred, strict=True):
-        slowness, lifts = slowness_of(building, rate, route), bool(route.lifts)
-        is_plain = not building.has_areas_to_heed
-        marches.append(March(Metric(slowness, avoided, is_plain), exits, barred, lifts))
+    building, problems = grids.building, []
+    for route, rate in zip(solver.routes, solver.rates, strict=True):
+        problems.append(Problem.of(building, route, rate, avoided, is_plain=not building.has_areas_to_heed))
         if bent is not None:
-            marches.append(March(Metric(slowness, bent, is_plain=False), exits, barred, lifts))
-    workers = number_of_workers(grids, len(marches), _memory_of_workers(grids.size, len(ways)), solver.workers)
-    with closing(march_all(grids, marches, solver.order, workers)) as costs:
-        for exits in ways:
+            problems.append(replace(problems[-1], factor=bent, is_plain=False))
+    memory = _memory_of_workers(grids.size, len(solver.routes))
+    workers = number_of_workers(grids, len(problems), memory, solver.workers)
+    with closing(march_all(grids, problems, solver.order, workers)) as costs:
+        for route in solver.routes:
             plain = next(costs)
             cost = plain if bent is None else next(costs)
-            yield _directions(grids, cost, [one for one in exits if isinstance(one, Exit)]), plain
+            yield _directions(grids, cost, exits_of_route(building, route)), plain
 
 
 def _rates(route: Route, speeds: tuple[float, float, float], comfort: float) -> FloatArray:

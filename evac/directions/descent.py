@@ -48,8 +48,8 @@ class Ways(Struct):
     """Data for path lengths along steepest descent: the packed nodes of all grids, and their levels."""
 
     level_of: Ints  # (nodes,)
-    source: Longs  # (nodes,) node that each node represents, -1 for none
-    twin: Longs  # (nodes,) for nodes on a portal, the node at the same position on the other level, otherwise -1
+    source: Ints  # (nodes,) node that each node represents, -1 for none
+    twin: Ints  # (nodes,) for nodes on a portal, the node at the same position on the other level, otherwise -1
     cost: Floats  # (nodes,)
     stride: Ints  # (levels,) stride along x in packed arrays
     uphill: Pairs  # (levels, 2)

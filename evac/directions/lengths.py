@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from evac.base.arrays import FloatArray, IndexArray
+from evac.base.arrays import FloatArray, IndexArray, IntArray
 from evac.building.model.building import FLAT, Area, Building, Exit
 from evac.directions.descent import Ways, add_lengths
 from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid, build_grids, use_towards
@@ -214,10 +213,10 @@ def make_ways(grids: BuildingGrids, cost: FloatArray) -> Ways:
     )
 
 
-def _twins(grids: BuildingGrids) -> NDArray[np.int64]:
+def _twins(grids: BuildingGrids) -> IntArray:
     """Return the node at the same position on the other level for nodes on a portal, and -1 for others."""
     # Nodes before a door of one direction have the nearest one behind it.
-    twin = np.full(grids.size, -1, dtype=np.int64)
+    twin = np.full(grids.size, -1, dtype=np.int32)
     for grid in grids.levels:
         for ours, theirs in grid.seams.values():
             twin[ours] = theirs

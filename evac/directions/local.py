@@ -22,9 +22,6 @@ from evac.directions.fields import Fields, columns_of
 from evac.directions.quickest import Settings
 from evac.directions.routefield import RouteField
 
-#: Strategies whose ways lead round the crowd: not shortest ones, nor "quickest", whose ways do so everywhere.
-STRATEGIES = ("fastest", "comfortable")
-
 #: Density from which on ways lead round a crowd [1/m2]; two people beside each other are fewer.
 CROWDED = 1.0
 
@@ -81,8 +78,7 @@ class LocalWays(Saved):
         routes = self.fields.routes
         used = set(np.unique(columns[inside]).tolist()) | self._columns.keys()
         for number in sorted(used):
-            own_route = routes[number % len(routes)]
-            if own_route.strategy not in STRATEGIES or own_route.follows_crowd:
+            if not routes[number % len(routes)].goes_round_crowd:
                 continue
             others = self._headings(np.full_like(columns, number), level, nodes)
             cosine = (ways * others).sum(axis=1)
@@ -120,7 +116,7 @@ class LocalWays(Saved):
             density = beside + np.where(np.concatenate(of_floors), density, 0.0)
             crowded |= self._levels_with(beside > 0.0)
         column = self._columns.get(number)
-        if not (crowded | solved | moved or (column is not None and column.stale)):
+        if not (crowded | solved | moved or (column is not None and column.march.stale)):
             return
         column = column or self._made(number)
         changed = column.leave_out_empty(nodes)

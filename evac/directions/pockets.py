@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from evac.base.arrays import BoolArray, IndexArray
+from evac.base.arrays import BoolArray, IndexArray, IntArray
 from evac.directions.raster.grids import BuildingGrids, Shared
 from evac.directions.raster.lattice import grown, parts_of
 
@@ -30,7 +30,7 @@ class Pockets:
     """
 
     def __init__(
-        self, grids: BuildingGrids, joins: BoolArray, starts: BoolArray, beside: IndexArray, twin: IndexArray
+        self, grids: BuildingGrids, joins: BoolArray, starts: BoolArray, beside: IntArray, twin: IntArray
     ) -> None:
         part = _parts(grids, joins)
         number = int(part.max(initial=-1)) + 1
@@ -67,9 +67,9 @@ class Pockets:
         return is_empty
 
 
-def _parts(grids: BuildingGrids, joins: BoolArray) -> IndexArray:
+def _parts(grids: BuildingGrids, joins: BoolArray) -> IntArray:
     """Return the part (nodes,) of each node of a march, -1 for other nodes."""
-    part = np.full(grids.size, -1, np.int64)
+    part = np.full(grids.size, -1, np.int32)
     reach = round(REACH / grids.lattice.spacing)
     number, shared = 0, Shared()
     for grid in grids.levels:
@@ -91,7 +91,7 @@ def _parts_on(nodes: BoolArray, reach: int) -> IndexArray:
     return part.ravel()
 
 
-def _connections(grids: BuildingGrids, part: IndexArray, beside: IndexArray, twin: IndexArray) -> IndexArray:
+def _connections(grids: BuildingGrids, part: IntArray, beside: IntArray, twin: IntArray) -> IndexArray:
     """Return the pairs (n, 2) of different parts that have neighbouring nodes."""
     pairs = []
     for grid in grids.levels:

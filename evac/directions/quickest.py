@@ -14,7 +14,6 @@ only if the speeds have changed on it, or if its ways lead through a level that 
 that no way leads through while nobody is in them (`pockets.py`).
 """
 
-from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import numpy as np
@@ -23,17 +22,9 @@ from evac.base.arrays import FloatArray, IndexArray, IntArray
 from evac.base.saved import Bounds, Saved
 from evac.directions.density import Gates, Kernels, at_nodes_of, gain_of
 from evac.directions.fields import Fields, columns_of
-from evac.directions.routefield import RouteField, first_car
-from evac.directions.routes import QUICKEST
-
-#: By how much longer people wait for lifts than is always expected [s], by the rooms of their cars, if so many people
-#: are on the way to each room (levels,).
-WaitsForLifts = Callable[[IntArray], Mapping[int, float]]
-
-
-def no_waits(on_way: IntArray) -> Mapping[int, float]:
-    """Return how much longer people wait where there are no lifts."""
-    return {}
+from evac.directions.march.compiled import first_car
+from evac.directions.routefield import RouteField
+from evac.directions.routes import QUICKEST, WaitsForLifts, no_waits
 
 
 class Settings(Protocol):

@@ -1,10 +1,12 @@
 """Routes that people follow: a destination and a strategy."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal, get_args
 
 from pydantic import Field
+
+from evac.base.arrays import IntArray
 
 #: Strategies, which minimise the length along the slope, the time at the reference speeds, or the time with stairs
 #: weighted by the comfort factor of the case, or the time at the speeds that the density of the crowd permits.
@@ -17,6 +19,15 @@ QUICKEST: Strategy = "quickest"
 #: How routes use lifts: where they are quicker, or, with times on stairs so much longer, wherever there are some.
 WEIGHED, PREFERRED = "weighed", "preferred"
 RELUCTANCE = 10.0
+
+#: By how much longer people wait for lifts than is always expected [s], by the rooms of their cars, if so many people
+#: are on the way to each room (levels,).
+WaitsForLifts = Callable[[IntArray], Mapping[int, float]]
+
+
+def no_waits(on_way: IntArray) -> Mapping[int, float]:
+    """Return how much longer people wait where there are no lifts."""
+    return {}
 
 
 @dataclass(frozen=True)
@@ -35,6 +46,11 @@ class Route:
     def follows_crowd(self) -> bool:
         """Whether its travel times follow the crowd, or at least the queues for lifts beside which it has stairs."""
         return self.strategy == QUICKEST or (self.lifts == WEIGHED and self.steepest is None)
+
+    @property
+    def goes_round_crowd(self) -> bool:
+        """Whether its ways lead round the crowd where people keep distances: not shortest ones, nor those above."""
+        return self.strategy in ("fastest", "comfortable") and not self.follows_crowd
 
     @property
     def destination(self) -> str:

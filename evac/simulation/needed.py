@@ -11,7 +11,6 @@ from evac.building.model.building import Building
 from evac.directions.build import build_fields
 from evac.directions.descent import add_lengths, descend
 from evac.directions.fields import Fields
-from evac.directions.march.waves import deposit, march_waves
 from evac.directions.routes import STRATEGIES, Route
 from evac.directions.sampling import sample_travel_times
 from evac.jit import Entry
@@ -150,10 +149,11 @@ def run_kernels(
         kernels += entries_of(sys.modules[type(behaviour).__module__])
     routes, keeps = needed_routes(case, behaviours, full), any(one.keeps_distance for one in behaviours)
     kernels += [walk_straight] if keeps else []
-    if keeps or any(route.follows_crowd for route in routes):
-        kernels += [deposit, march_waves]
-    elif case.conditions and case.smoke.routes:
-        kernels += [march_waves]
+    follow = keeps or any(route.follows_crowd for route in routes)
+    if follow or (case.conditions and case.smoke.routes):
+        from evac.directions.march.waves import deposit, march_waves
+
+        kernels += [deposit, march_waves] if follow else [march_waves]
     if len(routes) > len(routes_of(case)):  # they are compared by their lengths
         kernels += [add_lengths]
     return kernels

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -20,12 +20,7 @@ from evac.building.model.building import Building
 from evac.building.model.cells import MOST_FIELDS, LevelField
 from evac.building.model.links import building_at
 from evac.directions.fields import Fields
-from evac.directions.local import STRATEGIES as LOCAL_STRATEGIES
-from evac.directions.local import LocalWays
-from evac.directions.quickest import Quickest, Settings, WaitsForLifts, no_waits
-from evac.directions.routefield import RouteField
-from evac.directions.routes import Route
-from evac.directions.smoky import Smoky
+from evac.directions.routes import Route, WaitsForLifts, no_waits
 from evac.people.places import Places
 from evac.people.population import Population
 from evac.people.ways import without_way
@@ -33,6 +28,12 @@ from evac.physics.state import World
 from evac.physics.world import make_world, set_open
 from evac.simulation.doorways import Controls, begin_to_leave, clear_doorways, let_pass, turn_round
 from evac.simulation.timetable import AT_ONCE, KINDS, check
+
+if TYPE_CHECKING:
+    from evac.directions.local import LocalWays
+    from evac.directions.quickest import Quickest, Settings
+    from evac.directions.routefield import RouteField
+    from evac.directions.smoky import Smoky
 
 #: How people have been in an area since it was barred: not, since before, or they have entered it.
 OUTSIDE, FROM_BEFORE, ENTERED = 0, 1, 2
@@ -44,7 +45,7 @@ class SharedScene:
 
     building: Building
     fields: Fields  # directions of the building
-    columns: dict[int, RouteField] | None = None  # of ways round the crowd, if many runs share them
+    columns: "dict[int, RouteField] | None" = None  # of ways round the crowd, if many runs share them
     floors: dict[Hashable, Any] = field(default_factory=dict)  # of compartments, see `evac.conditions.safety.Safety`
 
     @cached_property
@@ -83,7 +84,7 @@ class Scene(Saved):
         people: Population | None = None,
         places: Places | None = None,
         solve: Callable[[Building], Fields] | None = None,
-        settings: Settings | None = None,
+        settings: "Settings | None" = None,
         keeps_distances: bool = False,
     ) -> None:
         self.building, self.shared_scene = shared_scene.building, shared_scene
@@ -361,11 +362,14 @@ class Scene(Saved):
         self._clear = fields
         if self._settings is None:
             return fields
-        strategies = {route.strategy for route in fields.routes}
         if any(route.follows_crowd for route in fields.routes):
+            from evac.directions.quickest import Quickest
+
             self.quickest = Quickest(fields, self._settings, self.quickest)
             fields = self.quickest.fields
-        if self._keeps_distances and strategies.intersection(LOCAL_STRATEGIES):
+        if self._keeps_distances and any(route.goes_round_crowd for route in fields.routes):
+            from evac.directions.local import LocalWays
+
             fields = fields.with_own_directions() if fields is self._clear else fields
             first = self.shared_scene.columns if self._clear is self.shared_scene.fields else None
             self.local = LocalWays(fields, self._clear, self._settings, self.local, first)
@@ -381,9 +385,11 @@ class Scene(Saved):
         if self.local is not None and self.local.is_due(tick, length):
             self.local.update(*of, crowd.firmness > 1.0)
 
-    def in_smoke(self) -> Smoky:
+    def in_smoke(self) -> "Smoky":
         """Return the routes in smoke, which the scene follows from now on."""
         if self.smoky is None:
+            from evac.directions.smoky import Smoky
+
             self.smoky = Smoky(self.fields, self._clear, self.quickest, self.local)
             self.fields = self.smoky.fields
             self.world.fields = self.fields.packed

@@ -66,6 +66,8 @@ SCIENCE = (
 PROCESSES = ("multiprocessing", "concurrent.futures.process", "asyncio")
 EVERYTHING = (*DRAWING, *SCIENCE, *PROCESSES, "scipy", "skfmm", "shapely", "meshio", "numba")
 
+PARTS = "evac.simulation.lifts", "evac.directions.march.waves"
+
 BARE = ["--set", "output.picture=false", "output.animation=false", "simulation.duration=1"]
 
 
@@ -75,7 +77,7 @@ IMPORTING = (
     (["list"], (*EVERYTHING, "numpy", "pydantic")),
     (["check", "square.obj"], (*DRAWING, *SCIENCE, *PROCESSES, "meshio", "numba")),
     (["check", "square_room"], (*DRAWING, *SCIENCE, *PROCESSES, "numba")),
-    (["run", "square_room", *BARE], (*DRAWING, *SCIENCE, *PROCESSES, "numba", "evac.simulation.lifts")),
+    (["run", "square_room", *BARE], (*DRAWING, *SCIENCE, *PROCESSES, "numba", *PARTS)),
     (["run", "square_room", "--set", "simulation.duration=1"], (*SCIENCE, *PROCESSES, "pyvista", "vtkmodules")),
 )
 IMPORT = """

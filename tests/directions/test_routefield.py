@@ -43,7 +43,7 @@ def test_levels_that_are_solved_alone_agree_with_all_solved_together(make_column
 def test_restored_columns_go_on_with_the_same_bits(make_column, row):
     one, other = make_column(), make_column()
     one.solve(one.slow_down(density_on(one, row, {1}), LEVELS, 0.05), {1}, is_first=True)
-    assert one.stale == {0}
+    assert one.march.stale == {0}
     other.restore(one.state())
     for column in (one, other):
         column.solve(column.slow_down(density_on(column, row, {2}), {2}, 0.05), LEVELS, is_first=False)

@@ -1,7 +1,7 @@
 """Fast marching through a building, level by level, through the halos of portals; several marches at the same time.
 
 scikit-fmm holds the lock of the interpreter, so that threads would march one after another. A worker process is sent
-the grids once, and then a metric and exits for each march; it answers with the costs.
+the grids once, and then the problem of each march; it answers with the costs.
 """
 
 import heapq
@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ from shapely.ops import substring
 from evac.base.arrays import FloatArray, IndexArray
 from evac.base.phases import tell
 from evac.building.model.building import DOWN, FLAT, UP, Area, Exit, Portal
+from evac.directions.march.solver import Problem, Solver
 from evac.directions.raster.grids import OWN, RING, BuildingGrids, LevelGrid, use_towards
 from evac.directions.raster.lattice import SLACK, points_along
 from evac.jit.loading import cores
@@ -39,74 +40,47 @@ SLIT = 10.0
 ALIKE = 1e-9
 
 
-@dataclass(frozen=True)
-class Metric:
-    """The cost that is minimised along paths."""
-
-    slowness: FloatArray  # (levels, 3) float64: cost per metre in plan, by level and use (flat, up, down) [s/m]
-    factor: FloatArray  # (nodes,) float64: factor of the slowness at each node; at least 1
-    # whether the cost per metre is uniform on each level, except for gaps that nobody fits through
-    is_plain: bool = True
-
-
-def march(
-    grids: BuildingGrids,
-    metric: Metric,
-    exits: list[Exit | Area],
-    order: int,
-    barred: frozenset[tuple[int, int]] = frozenset(),
-    lifts: bool = False,
-    told: Callable[[int], object] | None = None,
-) -> FloatArray:
-    """Return the minimum cost (nodes,) from each node of all grids to any of the given exits [s].
-
-    It is that of own nodes and of halos as marched with each level: negative behind exits, inf where no exit can be
-    reached.
+class FastMarching(Solver):
+    """The solver of fields that stand still, by scikit-fmm.
 
     A level is marched from the exits on it, and from each portal behind which the cost is lower. A march from a portal
     starts at the contour of the neighbour's field at its minimum on the portal. This contour is in the halo, so that
     the wave reaches the portal as it does on the grid of the neighbour. Portals are processed in the order of this
     minimum until the cost of no level decreases any more. Ways end at an exit or an area with its cost, and at the
-    start of a jump with its time and the cost at its end; jumps by lifts count with `lifts`. `told` is called with the
-    number of levels that have been reached so far.
+    start of a jump with its time and the cost at its end. `told` is called with the number of levels that have been
+    reached so far.
     """
-    return _March(grids, metric, order, barred, lifts).run(exits, told)
-
-
-class _March:
-    """The costs found so far, and the queue of portals."""
 
     def __init__(
-        self, grids: BuildingGrids, metric: Metric, order: int, barred: frozenset[tuple[int, int]], lifts: bool
+        self, grids: BuildingGrids, problem: Problem, order: int, told: Callable[[int], object] | None = None
     ) -> None:
-        self.grids = grids
-        self.metric = metric
-        self.order = order
-        self.barred = barred
+        super().__init__(grids, problem)
+        self.order, self.told = order, told
         self.spacing = grids.lattice.spacing
-        self.is_plain = metric.is_plain
-        self.cost = np.full(grids.size, math.inf)
-        self.jumps = grids.jumps(lifts)
+        self.jumps = grids.jumps(problem.lifts)
         #: By level, the numbers of the jumps that end on it.
         self.jumps_to: dict[int, list[int]] = {}
         for k, level in enumerate(
             np.searchsorted([one.offset for one in grids.levels], [one.end for one in self.jumps], side="right")
         ):
             self.jumps_to.setdefault(int(level) - 1, []).append(k)
+        alike = [grid.alike for grid in grids.levels]
+        self.repeated = {level for level in alike if alike.count(level) > 1}
+
+    def solve(self) -> FloatArray:
+        """Return the minimum cost (nodes,): that of own nodes and of halos as marched with each level."""
+        self.cost = np.full(self.grids.size, math.inf)
         #: Cost, portal and level entered; instead of a portal, -1 for doors of one direction, -2 - k for jump k.
         self.pending: list[tuple[float, int, int]] = []
         #: Number of times that the cost of each level decreased.
-        self.falls = [0] * len(grids.levels)
+        self.falls = [0] * len(self.grids.levels)
         #: Per (portal, level entered): decreases of the level behind, and the last cost marched from since then.
         self.tried: dict[tuple[int, int], tuple[int, float]] = {}
         #: Per portal: the cost difference that is tolerated at points along it, and these points on each level.
         self.tolerated: dict[int, tuple[FloatArray, dict[int, _Points]]] = {}
         #: Marches through levels that others are like, by the first of these and the portal: speed, contour, times.
         self.made: dict[tuple[int, bytes], list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
-        alike = [grid.alike for grid in grids.levels]
-        self.repeated = {level for level in alike if alike.count(level) > 1}
-
-    def run(self, exits: list[Exit | Area], told: Callable[[int], object] | None) -> FloatArray:
+        exits = self.problem.ends
         for grid in self.grids.levels:
             areas = [one for one in exits if isinstance(one, Area) and one.level == grid.level]
             for area in areas:
@@ -129,8 +103,8 @@ class _March:
                 self._march_through_doors(self.grids.levels[entered])
             else:
                 self._enter(self.grids.building.portals[portal], entered)
-            if told is not None:
-                told(sum(map(bool, self.falls)))
+            if self.told is not None:
+                self.told(sum(map(bool, self.falls)))
         return self.cost
 
     def _queue_portals(self, level: int) -> None:
@@ -143,7 +117,7 @@ class _March:
                 heapq.heappush(self.pending, (self._after_jump(k), -2 - k, self.jumps[k].area.level))
         for portal in self.grids.portals_of(level):
             for entered in portal.levels:
-                if (portal.index, entered) in self.barred:
+                if (portal.index, entered) in self.problem.barred:
                     continue
                 start = self._start(portal, entered)
                 if start < math.inf and self.grids.building.leads_from(portal, entered):
@@ -163,7 +137,7 @@ class _March:
     def _is_lowered(self, number: int) -> bool:
         """Return whether a jump lowers the cost at its start."""
         jump = self.jumps[number]
-        slowness = float(self.metric.slowness[jump.area.level, FLAT])
+        slowness = float(self.problem.slowness[jump.area.level, FLAT])
         cost = self._after_jump(number) + jump.away * slowness
         return bool((cost < self.cost[jump.nodes] - TOLERANCE * self.spacing * slowness).any())
 
@@ -191,14 +165,14 @@ class _March:
         if portal.index not in self.tolerated:
             places, _ = points_along(portal.segments, 0.5 * self.spacing)
             points = {level: _Points.of(self.grids.levels[level], places) for level in portal.levels}
-            factor = np.maximum(*(points[level].mean(self.metric.factor) for level in portal.levels))
+            factor = np.maximum(*(points[level].mean(self.problem.factor) for level in portal.levels))
             slack = self._step(portal) * np.where(factor > SLIT, math.inf, factor)
             self.tolerated[portal.index] = slack, points
         return self.tolerated[portal.index]
 
     def _step(self, portal: Portal) -> float:
         """Return the cost difference that is tolerated at a portal [s]."""
-        return TOLERANCE * self.spacing * float(self.metric.slowness[list(portal.levels)].max())
+        return TOLERANCE * self.spacing * float(self.problem.slowness[list(portal.levels)].max())
 
     def _enter(self, portal: Portal, level: int) -> None:
         """March a level from one of its portals, if this lowers its cost."""
@@ -217,8 +191,8 @@ class _March:
         # the middle of each exit, at a clearance from its posts.
         behind = np.isin(grid.sheet, [1 + self.grids.building.link_of(exit_) for exit_ in exits])
         walkable = behind | self.grids.is_ground(grid)
-        ring = (RING if self.is_plain or rows == 0 else 1.5 - rows) * self.spacing
-        off_posts = self.grids.clearance if rows == 0 and not self.is_plain else 0.0
+        ring = (RING if self.problem.is_plain or rows == 0 else 1.5 - rows) * self.spacing
+        off_posts = self.grids.clearance if rows == 0 and not self.problem.is_plain else 0.0
         lines = shapely.multilinestrings([line for exit_ in exits for line in _middles(exit_.segments, off_posts)])
         # At larger distances, phi is the spacing.
         distance = self._distance_from(grid, lines, behind, max(0.0, ring + self.spacing))
@@ -235,7 +209,7 @@ class _March:
         self, grid: LevelGrid, distance: FloatArray, ring: float, use: int, cost: float, walkable: NDArray[np.bool_]
     ) -> None:
         """March from where a distance is that of a ring [m], within which that of the distance is added to a cost."""
-        slowness = self.metric.slowness[grid.level, use]
+        slowness = self.problem.slowness[grid.level, use]
         exact = walkable & (distance <= ring)
         known = cost + distance[exact] * slowness
         phi = np.subtract(distance, ring, out=distance)
@@ -310,8 +284,8 @@ class _March:
         before, behind = grid.passages
         first, second = (np.stack(np.unravel_index(nodes - grid.offset, grid.window.shape)) for nodes in grid.passages)
         away = self.spacing * np.hypot(*(first - second))
-        slowness = self.metric.slowness[grid.level, FLAT]
-        time = self.cost[behind] + away * slowness * self.metric.factor[before]
+        slowness = self.problem.slowness[grid.level, FLAT]
+        time = self.cost[behind] + away * slowness * self.problem.factor[before]
         return np.where(time < self.cost[before] - TOLERANCE * self.spacing * slowness, time, math.inf)
 
     def _march_through_doors(self, grid: LevelGrid) -> None:
@@ -320,7 +294,7 @@ class _March:
         start = float(through.min(initial=math.inf))
         if start == math.inf:
             return
-        slowness = self.metric.slowness[grid.level, FLAT]
+        slowness = self.problem.slowness[grid.level, FLAT]
         nodes, by_node = np.unique(grid.passages[0][np.isfinite(through)] - grid.offset, return_inverse=True)
         known = np.full(len(nodes), math.inf)
         np.minimum.at(known, by_node, through[np.isfinite(through)])
@@ -347,8 +321,8 @@ class _March:
             on_portal = grid.seams[through.index][0] - grid.offset
             slowness.ravel()[on_portal] = min(by_sheet[OWN], by_sheet[1 + through.index])
         halo = self.grids.is_ground(grid) & (grid.sheet != OWN)
-        beyond = slowness[halo] * self.metric.factor[grid.source[halo]]
-        slowness *= self.metric.factor[grid.packed].reshape(slowness.shape)
+        beyond = slowness[halo] * self.problem.factor[grid.source[halo]]
+        slowness *= self.problem.factor[grid.packed].reshape(slowness.shape)
         slowness[halo] = beyond
         speed = np.divide(1.0, slowness, out=slowness)
         if grid.alike not in self.repeated:
@@ -377,19 +351,19 @@ class _March:
     def _slowness_by_sheet(self, grid: LevelGrid, use: int, through: Portal | None) -> FloatArray:
         """Return the cost per metre on each sheet: walking from halos to this level, or into the halo `through`."""
         building = self.grids.building
-        table: FloatArray = np.full(building.n_links + 2, self.metric.slowness[grid.level, use])
+        table: FloatArray = np.full(building.n_links + 2, self.problem.slowness[grid.level, use])
         for portal in self.grids.portals_of(grid.level):
             beyond = portal.other(grid.level)
             towards_us = use_towards(building.levels[beyond], portal.segments)
             away = {FLAT: FLAT, UP: DOWN, DOWN: UP}[towards_us]
-            table[1 + portal.index] = self.metric.slowness[beyond, away if portal is through else towards_us]
+            table[1 + portal.index] = self.problem.slowness[beyond, away if portal is through else towards_us]
         return table
 
     def _lower(self, grid: LevelGrid, time: FloatArray) -> None:
         """Update the costs of a level where the new ones are lower."""
         cost = self.cost[grid.packed]
         new = time.ravel()
-        noticed = TOLERANCE * self.spacing * self.metric.slowness[grid.level].min()
+        noticed = TOLERANCE * self.spacing * self.problem.slowness[grid.level].min()
         self.falls[grid.level] += bool((new < cost - noticed).any())
         np.minimum(cost, new, out=cost)
 
@@ -454,15 +428,6 @@ NODES_PER_WORKER = 2_500_000
 WORKER_BYTES, WORKER_NODE_BYTES, MARCH_BYTES = 6e7, 40.0, 100.0
 
 
-class March(NamedTuple):
-    """The arguments of a march that differ between the fields of a building; see `march`."""
-
-    metric: Metric
-    exits: list[Exit | Area]
-    barred: frozenset[tuple[int, int]] = frozenset()
-    lifts: bool = False
-
-
 def number_of_workers(grids: BuildingGrids, marches: int, memory: float, wanted: int | None) -> int:
     """Return how many processes march at the same time; 1 means that this process does.
 
@@ -474,9 +439,9 @@ def number_of_workers(grids: BuildingGrids, marches: int, memory: float, wanted:
 
 
 def march_all(
-    grids: BuildingGrids, marches: Sequence[March], order: int, workers: int
+    grids: BuildingGrids, problems: Sequence[Problem], order: int, workers: int
 ) -> Generator[FloatArray, None, None]:
-    """Yield the costs (nodes,) of marches in their order, with the same bits for any number of workers.
+    """Yield the costs (nodes,) of problems in their order, with the same bits for any number of workers.
 
     What the workers do not answer, because one could not be started or was killed, is marched in this process.
     """
@@ -487,17 +452,17 @@ def march_all(
 
             with suppress(OSError, BrokenExecutor):
                 pool = stack.enter_context(Pool(workers, _take, (grids, order), is_quiet=True))
-                for metric, exits, barred, lifts in marches:
-                    factor = metric.factor[:1] if metric.factor.strides == (0,) else metric.factor  # one number
-                    futures.append(pool.submit(_march, metric.slowness, factor, metric.is_plain, exits, barred, lifts))
-        levels, count = len(grids.levels), len(marches) * len(grids.levels)
-        for number, (metric, exits, barred, lifts) in enumerate(marches):
+                for problem in problems:
+                    factor = problem.factor[:1] if problem.factor.strides == (0,) else problem.factor  # one number
+                    futures.append(pool.submit(_march, replace(problem, factor=factor)))
+        levels, count = len(grids.levels), len(problems) * len(grids.levels)
+        for number, problem in enumerate(problems):
             done = number * levels
             tell(DIRECTIONS, done, count)
             cost = _answer(futures.popleft()) if futures else None
             if cost is None:
                 told = partial(lambda before, reached: tell(DIRECTIONS, before + reached, count), done)
-                cost = march(grids, metric, exits, order, barred, lifts, told)
+                cost = FastMarching(grids, problem, order, told).solve()
             yield cost
         tell(DIRECTIONS, count, count)
 
@@ -520,14 +485,7 @@ def _take(grids: BuildingGrids, order: int) -> None:
     _given.append((grids, order))
 
 
-def _march(
-    slowness: FloatArray,
-    factor: FloatArray,
-    is_plain: bool,
-    exits: list[Exit | Area],
-    barred: frozenset[tuple[int, int]],
-    lifts: bool,
-) -> FloatArray:
-    """Return the costs of a march."""
+def _march(problem: Problem) -> FloatArray:
+    """Return the costs of a problem."""
     ((grids, order),) = _given
-    return march(grids, Metric(slowness, np.broadcast_to(factor, grids.size), is_plain), exits, order, barred, lifts)
+    return FastMarching(grids, replace(problem, factor=np.broadcast_to(problem.factor, grids.size)), order).solve()

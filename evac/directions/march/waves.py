@@ -30,10 +30,10 @@ class MarchState(Struct):
 
     level_of: Ints  # (nodes,)
     border: Longs  # (b,) nodes to solve that are next to others from which a march may begin: starts, other levels
-    source: Longs  # (nodes,) node that each node represents, -1 for none, and where a portal does not lead to it
-    beside: Longs  # (nodes,) as `source`, whether portals lead there or not
+    source: Ints  # (nodes,) node that each node represents, -1 for none, and where a portal does not lead to it
+    beside: Ints  # (nodes,) as `source`, whether portals lead there or not
     # (nodes,) node beyond a portal or a door of one direction to which the time of a node goes on, -1 for none
-    twin: Longs
+    twin: Ints
     # jumps, by the node at which they end: node to which a time goes on after a time [s]; first jump of each node, -1
     # for none, or no node if there are no jumps
     jump_end: Longs

@@ -46,8 +46,8 @@ class LevelGrid:
     # (nx, ny) int32: ``NOTHING``, ``OWN``, or 1 + link for a node of the neighbour behind a portal or of the strip
     # behind an exit
     sheet: IntArray
-    # (nx, ny) int64: packed index of the node that a node represents: itself, or the neighbour's own node; -1 for none
-    source: NDArray[np.int64]
+    # (nx, ny) int32: packed index of the node that a node represents: itself, or the neighbour's own node; -1 for none
+    source: IntArray
     offset: int  # packed index of node (0, 0)
     # (r,) int64: packed indices of the own nodes and strips that may be nearer to a wall than the clearance
     ring: IndexArray
@@ -484,10 +484,10 @@ class _Layers:
 
 def _sources(
     building: Building, level: int, grids: list[tuple[Window, IntArray]], offsets: NDArray[np.int64]
-) -> NDArray[np.int64]:
+) -> IntArray:
     """Return the packed index of the node that each node of a level's grid represents."""
     window, sheet = grids[level]
-    source = np.arange(offsets[level], offsets[level] + sheet.size, dtype=np.int64).reshape(sheet.shape)
+    source = np.arange(offsets[level], offsets[level] + sheet.size, dtype=np.int32).reshape(sheet.shape)
     source[sheet == NOTHING] = -1
     halo = np.flatnonzero((sheet > OWN) & (sheet <= len(building.portals)))
     portals = sheet.ravel()[halo] - 1

@@ -3,7 +3,8 @@
 import math
 import time
 from collections.abc import Iterator, Sequence
-from functools import cache, partial
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,8 +18,7 @@ from evac.building.plan.plan import Plan
 from evac.case.schema import DirectionSettings
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
-from evac.directions.lengths import ends_of_route, slowness_of
-from evac.directions.march.marching import Metric, march
+from evac.directions.march.marching import FastMarching
 from evac.directions.quickest import Quickest
 from evac.directions.routes import QUICKEST, Route
 from evac.evidence.accuracy.reference import FINE, CleanWays, clean_ways, geodesics, refracted
@@ -238,17 +238,13 @@ def _march_rows(plan: TimedPlan, spacings: Sequence[float]) -> Iterator[Row]:
     route, settings = Route(strategy=QUICKEST), DirectionSettings()
     for spacing in spacings:
         fields = build_fields(plan.building, [route], spacing=spacing, clearance=0.0, speeds=(1.0, 1.0, 1.0))
-        again, own = Quickest(fields, settings.quickest), fields.grids[0]
-        levels = set(range(len(own.grids.levels)))
-        metric = Metric(slowness_of(plan.building, np.ones(3), route), own.factor)
-        ends = ends_of_route(plan.building, route)
-        row: Row = {"plan": plan.name, "spacing [m]": spacing, "nodes": own.grids.size}
-        for name, solved, call in (
-            ("scikit-fmm", fields, partial(march, own.grids, metric, ends, settings.order)),
-            ("compiled", again.fields, partial(again.columns[0].solve, levels, levels, is_first=True)),
-        ):
+        again = Quickest(fields, settings.quickest)
+        compiled = again.columns[0].march
+        plain = FastMarching(compiled.grids, replace(compiled.problem, is_plain=True), settings.order)
+        row: Row = {"plan": plan.name, "spacing [m]": spacing, "nodes": compiled.grids.size}
+        for name, solved, solver in (("scikit-fmm", fields, plain), ("compiled", again.fields, compiled)):
             error = np.abs(solved.travel_time_at(plan.level, plan.points, 0) - plan.time)
-            values = 1e3 * error.mean(), 1e3 * error.max(), 1e3 * timed(call).least
+            values = 1e3 * error.mean(), 1e3 * error.max(), 1e3 * timed(solver.solve).least
             row |= {f"{name}, {key}": float(value) for key, value in zip(MARCH_KEYS, values, strict=True)}
         yield row
 
