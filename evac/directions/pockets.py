@@ -98,6 +98,7 @@ def _connections(grids: BuildingGrids, part: IntArray, beside: IntArray, twin: I
         nodes = grid.offset + np.flatnonzero(part[grid.packed] >= 0)
         for step in (1, -1, grid.window.shape[1], -grid.window.shape[1], 0):
             other = beside[nodes + step] if step else twin[nodes]
-            near = np.stack([part[nodes], np.where(other >= 0, part[other], -1)], axis=1)
-            pairs.append(near[(near[:, 1] >= 0) & (near[:, 0] != near[:, 1])])
+            here, there = part[nodes], np.where(other >= 0, part[other], -1)
+            differ = (there >= 0) & (there != here)
+            pairs.append(np.stack([here[differ], there[differ]], axis=1))
     return np.concatenate(pairs)

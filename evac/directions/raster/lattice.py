@@ -287,12 +287,18 @@ def wall_distance(window: Window, nodes: IndexArray, walls: FloatArray, reach: f
 
 def parts_of(nodes: BoolArray) -> IndexArray:
     """Return the component (n,) of each marked node, with 4-connectivity."""
-    number = np.full(nodes.shape, -1, dtype=np.int64)
-    number[nodes] = np.arange(np.count_nonzero(nodes))
-    along_x = np.stack([number[:-1], number[1:]], axis=-1).reshape(-1, 2)
-    along_y = np.stack([number[:, :-1], number[:, 1:]], axis=-1).reshape(-1, 2)
-    pairs = np.concatenate([along_x, along_y])
-    return connected_components(int(number.max(initial=-1)) + 1, pairs[(pairs >= 0).all(axis=1)])
+    run = np.cumsum(_first_of_runs(nodes), dtype=np.int32).reshape(nodes.shape) - 1
+    meet = _first_of_runs(nodes[:-1] & nodes[1:])
+    pairs = np.stack([run[:-1][meet], run[1:][meet]], axis=1, dtype=np.int64)
+    part: IndexArray = connected_components(int(run.max(initial=-1)) + 1, pairs)[run[nodes]]
+    return part
+
+
+def _first_of_runs(nodes: BoolArray) -> BoolArray:
+    """Mark the marked nodes (nx, ny) behind which, along the second axis, there is none."""
+    first = nodes.copy()
+    first[:, 1:] &= ~nodes[:, :-1]
+    return first
 
 
 def grown(nodes: BoolArray, steps: int) -> BoolArray:
