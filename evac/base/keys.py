@@ -18,17 +18,7 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from evac.base.defaults import (
-    FARTHEST,
-    LEAST_HEIGHT,
-    LEAST_RADIUS,
-    LONGEST_NAME,
-    MOST_HEIGHT,
-    MOST_MASS,
-    MOST_RADIUS,
-    MOST_SPEED,
-    MOST_TAU,
-)
+from evac.base import defaults
 from evac.base.distributions import Distribution, distribution_from
 from evac.base.errors import EvacError, is_one_line
 from evac.base.parameters import did_you_mean
@@ -49,7 +39,7 @@ Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Field(strict=True)]
 Switch = Annotated[bool, Field(strict=True)]
 
-Coordinate = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-FARTHEST, le=FARTHEST)]
+Coordinate = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-defaults.FARTHEST, le=defaults.FARTHEST)]
 Point = tuple[Coordinate, Coordinate]
 
 
@@ -59,8 +49,8 @@ def _one_line(text: str) -> str:
     return text
 
 
-Title = Annotated[str, Field(max_length=LONGEST_NAME), AfterValidator(_one_line)]
-Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_one_line)]
+Title = Annotated[str, Field(max_length=defaults.LONGEST_NAME), AfterValidator(_one_line)]
+Name = Annotated[str, Field(min_length=1, max_length=defaults.LONGEST_NAME), AfterValidator(_one_line)]
 
 
 @dataclass(frozen=True)
@@ -80,8 +70,8 @@ def _stair_speed(value: object) -> Distribution | Factor:
     if isinstance(value, dict) and "factor" in value:
         if len(value) > 1:
             raise ValueError("factor must be the only key; write { factor = { uniform = [0.4, 0.6] } }")
-        return Factor(distribution_from(value["factor"], minimum=0.0, maximum=MOST_SPEED))
-    return distribution_from(value, minimum=0.0, maximum=MOST_SPEED)
+        return Factor(distribution_from(value["factor"], minimum=0.0, maximum=defaults.MOST_SPEED))
+    return distribution_from(value, minimum=0.0, maximum=defaults.MOST_SPEED)
 
 
 def _table_or_switch(value: object) -> object:
@@ -98,11 +88,15 @@ def _within(**bounds: float) -> BeforeValidator:
 
 
 _Written = PlainSerializer(lambda value: value.to_value())
-Radius = Annotated[InstanceOf[Distribution], _within(minimum=LEAST_RADIUS, maximum=MOST_RADIUS), _Written]
-Height = Annotated[InstanceOf[Distribution], _within(minimum=LEAST_HEIGHT, maximum=MOST_HEIGHT), _Written]
-Mass = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=MOST_MASS), _Written]
-Tau = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=MOST_TAU), _Written]
-Speed = Annotated[InstanceOf[Distribution], _within(minimum=0.0, maximum=MOST_SPEED), _Written]
+Radius = Annotated[
+    InstanceOf[Distribution], _within(minimum=defaults.LEAST_RADIUS, maximum=defaults.MOST_RADIUS), _Written
+]
+Height = Annotated[
+    InstanceOf[Distribution], _within(minimum=defaults.LEAST_HEIGHT, maximum=defaults.MOST_HEIGHT), _Written
+]
+Mass = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=defaults.MOST_MASS), _Written]
+Tau = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=defaults.MOST_TAU), _Written]
+Speed = Annotated[InstanceOf[Distribution], _within(minimum=0.0, maximum=defaults.MOST_SPEED), _Written]
 StairSpeed = Annotated[InstanceOf[Distribution] | InstanceOf[Factor], BeforeValidator(_stair_speed), _Written]
 Parameters = Annotated[dict[str, Any] | Literal[False], BeforeValidator(_table_or_switch)]
 

@@ -12,27 +12,7 @@ from pydantic import PrivateAttr, field_validator, model_validator
 from evac.base.keys import Key, Parameters, Table, Title, key, wrong
 from evac.base.toml import case_text
 from evac.building.options import MOST_ITEMS
-from evac.case.schema import (
-    MOST_PEOPLE,
-    BuildingSettings,
-    CompartmentSettings,
-    ConditionSettings,
-    ContactSettings,
-    DirectionSettings,
-    DoseSettings,
-    EventSettings,
-    GroupSettings,
-    LineSettings,
-    OutputSettings,
-    PeopleSettings,
-    PhaseSettings,
-    PlaceSettings,
-    PluginSettings,
-    ReportSettings,
-    SafetySettings,
-    SimulationSettings,
-    SmokeSettings,
-)
+from evac.case import schema
 from evac.contract.registry import Registry
 
 #: File name used for a case that was made from a dictionary.
@@ -58,34 +38,34 @@ class Case(Table):
     """
 
     title: Title = key("description of the case, in one line", "", "")
-    building: BuildingSettings = key("the building: a table [building] with mesh or plan")
-    directions: DirectionSettings = key("travel times and directions", "", DirectionSettings())
-    people: tuple[GroupSettings, ...] = key(
+    building: schema.BuildingSettings = key("the building: a table [building] with mesh or plan")
+    directions: schema.DirectionSettings = key("travel times and directions", "", schema.DirectionSettings())
+    people: tuple[schema.GroupSettings, ...] = key(
         "the groups: a table [[people]] for each", "", min_length=1, max_length=MOST_ITEMS
     )
-    place: tuple[PlaceSettings, ...] = key(
+    place: tuple[schema.PlaceSettings, ...] = key(
         "areas with a task, such as refuges: a table [[place]] for each", "", (), max_length=MOST_ITEMS
     )
-    line: tuple[LineSettings, ...] = key(
+    line: tuple[schema.LineSettings, ...] = key(
         "lines through which people are counted: a table [[line]] for each", "", (), max_length=MOST_ITEMS
     )
-    event: tuple[EventSettings, ...] = key(
+    event: tuple[schema.EventSettings, ...] = key(
         "what changes during the run: a table [[event]] for each", "", (), max_length=MOST_ITEMS
     )
-    phase: tuple[PhaseSettings, ...] = key(
+    phase: tuple[schema.PhaseSettings, ...] = key(
         "parts of the building with alarms of their own: a table [[phase]] for each", "", (), max_length=MOST_ITEMS
     )
-    conditions: tuple[ConditionSettings, ...] = key(
+    conditions: tuple[schema.ConditionSettings, ...] = key(
         "smoke, gases and heat: a table [[conditions]] for each source", "", (), max_length=MOST_ITEMS
     )
-    smoke: SmokeSettings = key("what people do in smoke", "", SmokeSettings())
-    dose: DoseSettings | None = key("the dose that people take: a table [dose]", "", None)
-    safety: SafetySettings | None = key("when the building must have been left: a table [safety]", "", None)
-    compartment: tuple[CompartmentSettings, ...] = key(
+    smoke: schema.SmokeSettings = key("what people do in smoke", "", schema.SmokeSettings())
+    dose: schema.DoseSettings | None = key("the dose that people take: a table [dose]", "", None)
+    safety: schema.SafetySettings | None = key("when the building must have been left: a table [safety]", "", None)
+    compartment: tuple[schema.CompartmentSettings, ...] = key(
         "parts of the building with their criteria: a table [[compartment]] for each", "", (), max_length=MOST_ITEMS
     )
-    presets: dict[str, PeopleSettings] = key("presets for groups of people, by name", "", {})
-    contact: ContactSettings = key("contact between bodies")
+    presets: dict[str, schema.PeopleSettings] = key("presets for groups of people, by name", "", {})
+    contact: schema.ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(
         "`[forces.NAME]`: parameters of a force on or between people, which enable it; `false` disables it",
         "",
@@ -107,24 +87,24 @@ class Case(Table):
         "",
         {},
     )
-    simulation: SimulationSettings = key("time, seed and scheme", "", SimulationSettings())
-    output: OutputSettings = key("what is written", "", OutputSettings())
-    report: ReportSettings = key("what a report contains", "", ReportSettings())
-    plugins: PluginSettings = key("plugin files", "", PluginSettings())
+    simulation: schema.SimulationSettings = key("time, seed and scheme", "", schema.SimulationSettings())
+    output: schema.OutputSettings = key("what is written", "", schema.OutputSettings())
+    report: schema.ReportSettings = key("what a report contains", "", schema.ReportSettings())
+    plugins: schema.PluginSettings = key("plugin files", "", schema.PluginSettings())
 
     _origin: Origin = PrivateAttr()
 
     @field_validator("people", mode="after")
     @classmethod
-    def _sorted_by_name(cls, people: tuple[GroupSettings, ...]) -> tuple[GroupSettings, ...]:
+    def _sorted_by_name(cls, people: tuple[schema.GroupSettings, ...]) -> tuple[schema.GroupSettings, ...]:
         """Sort the groups by name, so that rows, routes and draws do not depend on the order of the tables."""
         return tuple(sorted(people, key=lambda group: group.name))
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         people = sum(group.count for group in self.people)
-        if people > MOST_PEOPLE:
-            raise wrong("people", f"{people:,} people in all groups; use at most {MOST_PEOPLE:,}")
+        if people > schema.MOST_PEOPLE:
+            raise wrong("people", f"{people:,} people in all groups; use at most {schema.MOST_PEOPLE:,}")
         if self.dose is not None and not self.conditions:
             raise wrong("dose", "the case has no gases or heat; add a table [[conditions]], or remove [dose]")
         if self.compartment and self.safety is None:
@@ -132,7 +112,7 @@ class Case(Table):
         return self
 
     @property
-    def events(self) -> tuple[EventSettings, ...]:
+    def events(self) -> tuple[schema.EventSettings, ...]:
         """The events, and the alarms of the phases."""
         return (*self.event, *(alarm for phase in self.phase for alarm in phase.alarms))
 

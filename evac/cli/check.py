@@ -15,15 +15,7 @@ from evac.base.errors import BuildingError, EvacError, ResultError, ScenarioErro
 from evac.cli.inputs import case_of, case_to_run, declare_case
 from evac.cli.screen import note, show_facts, show_table, show_warnings
 from evac.contract.hooks import DEFAULT_FIRE
-from evac.folder.files import (
-    CHECKPOINT_NAME,
-    COMPLETE,
-    STUDY_NAME,
-    SUMMARY_NAME,
-    TEMPORARY,
-    TRAJECTORY_NAME,
-    read_manifest,
-)
+from evac.folder import files
 from evac.folder.resultfolder import find_result, is_within
 
 if TYPE_CHECKING:
@@ -58,7 +50,7 @@ def execute_check(arguments: argparse.Namespace) -> int:
     """
     path = Path(arguments.case)
     result = find_result(path)
-    if (result.is_dir() and read_manifest(result).state) or path.name == CHECKPOINT_NAME:
+    if (result.is_dir() and files.read_manifest(result).state) or path.name == files.CHECKPOINT_NAME:
         return check_result(result)
     is_building = path.is_file() and (path.suffix != ".toml" or path.name.lower().endswith(PLAN))
     return _check_building(arguments, path) if is_building else _check_case(arguments, path)
@@ -170,18 +162,20 @@ def print_findings(path: Path, findings: "Sequence[Finding]") -> int:
 
 def check_result(path: Path) -> int:
     """Verify a result, a study or a checkpoint; tell which files are damaged or missing, and what can still be used."""
-    folder, manifest = path if path.is_dir() else path.parent, read_manifest(path)
-    is_complete = manifest.state == COMPLETE
+    folder, manifest = path if path.is_dir() else path.parent, files.read_manifest(path)
+    is_complete = manifest.state == files.COMPLETE
     checks: dict[str, Callable[[], str]] = {}
     for name, digest in manifest.files.items():
-        is_checked = digest and name != CHECKPOINT_NAME and is_within(name) and not name.startswith(TEMPORARY)
+        is_checked = (
+            digest and name != files.CHECKPOINT_NAME and is_within(name) and not name.startswith(files.TEMPORARY)
+        )
         if is_checked and (is_complete or (folder / name).exists()):
             checks[name] = partial(_check_digest, folder, name, digest)
-    if TRAJECTORY_NAME in manifest.files and (is_complete or (folder / TRAJECTORY_NAME).exists()):
-        checks[TRAJECTORY_NAME] = partial(_check_trajectory, folder / TRAJECTORY_NAME, is_complete)
-    if (folder / CHECKPOINT_NAME).exists() or folder != path:
-        checks[CHECKPOINT_NAME] = partial(_check_checkpoint, folder / CHECKPOINT_NAME)
-    if STUDY_NAME in manifest.files:
+    if files.TRAJECTORY_NAME in manifest.files and (is_complete or (folder / files.TRAJECTORY_NAME).exists()):
+        checks[files.TRAJECTORY_NAME] = partial(_check_trajectory, folder / files.TRAJECTORY_NAME, is_complete)
+    if (folder / files.CHECKPOINT_NAME).exists() or folder != path:
+        checks[files.CHECKPOINT_NAME] = partial(_check_checkpoint, folder / files.CHECKPOINT_NAME)
+    if files.STUDY_NAME in manifest.files:
         checks["runs of the study"] = partial(_check_study, path, is_complete)
     elif is_complete:
         checks["files together"] = partial(_check_together, path)
@@ -202,7 +196,7 @@ def _check_digest(folder: Path, name: str, digest: str) -> str:
 
     what = next((command for start, command in WRITTEN_AGAIN.items() if name.startswith(start)), "")
     remedy = f"evac {what} {folder} writes it again" if what else "run the case again"
-    if (folder / STUDY_NAME).exists() and not what and name != STUDY_NAME:
+    if (folder / files.STUDY_NAME).exists() and not what and name != files.STUDY_NAME:
         remedy = "the same command with --resume writes it again"
     if not (folder / name).exists():
         raise ResultError(f"{folder / name}: {remedy}")
@@ -247,8 +241,10 @@ def _check_study(path: Path, is_complete: bool) -> str:
     runs, lost = study.stored_runs, study.dropped_bytes
     if lost:
         raise ResultError(f"{path}: {runs} runs are whole, {lost} bytes after them are not; --resume makes these again")
-    if is_complete and (written := read_json(path / SUMMARY_NAME).get("runs")) != runs:
-        raise ResultError(f"{path}: {runs} runs are there, but {SUMMARY_NAME} has {written}; --resume writes it again")
+    if is_complete and (written := read_json(path / files.SUMMARY_NAME).get("runs")) != runs:
+        raise ResultError(
+            f"{path}: {runs} runs are there, but {files.SUMMARY_NAME} has {written}; --resume writes it again"
+        )
     return f", {runs} runs"
 
 

@@ -7,18 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.base.errors import ResultError, counted
-from evac.cli.inputs import (
-    declare_plugin,
-    declare_result,
-    declare_service,
-    declare_set,
-    default_folder,
-    maps_of,
-    positive,
-    trajectory_of,
-    values_of,
-    with_plugin_files,
-)
+from evac.cli import inputs
 from evac.cli.screen import STYLES, note, say, show_table, show_warnings
 from evac.cli.studies import study_of
 from evac.folder.files import FILM_NAME, PICTURE_NAME, REPLAY_NAME, REPORT_NAME, SUMMARY_NAME
@@ -29,13 +18,13 @@ if TYPE_CHECKING:
 
 def declare_export(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac export`."""
-    declare_result(parser)
+    inputs.declare_result(parser)
     what = "vtk (default), jupedsim, csv, parquet, geojson, or from a plugin"
     parser.add_argument("--to", default="vtk", metavar="FORMAT", help=what)
     what = "file, or folder for formats with several files (default: RESULT/export/..., for vtk RESULT)"
     parser.add_argument("--out", type=Path, metavar="PATH", help=what)
-    declare_set(parser, "parameters of the exporter", "NAME=VALUE")
-    declare_plugin(parser)
+    inputs.declare_set(parser, "parameters of the exporter", "NAME=VALUE")
+    inputs.declare_plugin(parser)
 
 
 def execute_export(arguments: argparse.Namespace) -> int:
@@ -47,8 +36,8 @@ def execute_export(arguments: argparse.Namespace) -> int:
     from evac.export.exporter import export
 
     registry = Registry(arguments.plugins, builtins=built_in("exporter"))
-    exporter = registry.get("exporter", arguments.to)(**values_of("--set", arguments.set))
-    trajectory = trajectory_of(arguments)
+    exporter = registry.get("exporter", arguments.to)(**inputs.values_of("--set", arguments.set))
+    trajectory = inputs.trajectory_of(arguments)
     for path in export(trajectory, exporter, arguments.out):
         print(path)
     if len(trajectory):
@@ -58,7 +47,7 @@ def execute_export(arguments: argparse.Namespace) -> int:
 
 def declare_map(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac map`."""
-    declare_result(parser)
+    inputs.declare_result(parser)
     what = "density, max_density, speed, flow, waiting, time_to_clear, contact_pressure, usage (default: all)"
     parser.add_argument("--of", metavar="MAP,...", default="all", help=what)
     parser.add_argument("--level", metavar="NAME", action="append", help="only this level (may be repeated)")
@@ -66,7 +55,7 @@ def declare_map(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--to", dest="end", type=float, metavar="S", help="evaluate up to this time [s]")
     parser.add_argument("--spacing", type=float, metavar="M", help="width of the cells of the grid [m] (default: 0.2)")
     parser.add_argument("--kernel", type=float, metavar="M", help="radius of the Gaussian kernel [m] (default: 0.7)")
-    declare_service(parser)
+    inputs.declare_service(parser)
     what = "folder, or file for a single map: .png, .jpg, .svg or .pdf (default: RESULT/map_NAME.png)"
     parser.add_argument("--out", type=Path, metavar="PATH", help=what)
 
@@ -78,8 +67,8 @@ def execute_map(arguments: argparse.Namespace) -> int:
     """
     from evac.analysis.maps import KERNEL_RADIUS, SPACING, level_maps
 
-    quantities = maps_of("--of", arguments.of)
-    trajectory = trajectory_of(arguments)
+    quantities = inputs.maps_of("--of", arguments.of)
+    trajectory = inputs.trajectory_of(arguments)
     maps = level_maps(
         trajectory,
         arguments.level,
@@ -105,7 +94,7 @@ PICTURE_SIZE, FILM_SIZE = (1600, 1200), (960, 720)
 
 def declare_render(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac render`."""
-    declare_result(parser)
+    inputs.declare_result(parser)
     what = "file to write: picture (.png, .jpg) or film (.gif, .mp4) (default: picture.png and film.gif in RESULT)"
     parser.add_argument("--out", type=Path, metavar="FILE", nargs="+", help=what)
     what = "oblique view, or view from above (default: 3d)"
@@ -114,7 +103,7 @@ def declare_render(parser: argparse.ArgumentParser) -> None:
     shown = ("group", "speed", "density", "contact_force", "waiting", "dose", "extinction", "visibility")
     what = f"what the colours of people show: {', '.join(shown)} (default: group)"
     parser.add_argument("--colour-by", metavar="QUANTITY", choices=shown, default="group", help=what)
-    declare_service(parser)
+    inputs.declare_service(parser)
     parser.add_argument("--time", type=float, metavar="S", help="time of the picture [s] (default: half of the run)")
     parser.add_argument("--fps", type=float, default=10.0, metavar="N", help="frames per second (default: 10)")
     parser.add_argument("--speed", type=float, default=5.0, metavar="N", help="speed-up of the film (default: 5)")
@@ -138,7 +127,7 @@ def execute_render(arguments: argparse.Namespace) -> int:
     from evac.pictures.view import Camera
 
     camera = Camera(arguments.azimuth, arguments.elevation, arguments.stretch, arguments.zoom)
-    trajectory = trajectory_of(arguments)
+    trajectory = inputs.trajectory_of(arguments)
     number_of_pictures(trajectory, arguments.fps, arguments.speed)  # refused before anything is drawn
     groups = len(trajectory.groups)
     if arguments.colour_by == "group" and groups > LEGEND_GROUPS:
@@ -158,7 +147,7 @@ def execute_render(arguments: argparse.Namespace) -> int:
 
 def declare_replay(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac replay`."""
-    declare_result(parser)
+    inputs.declare_result(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="the page (default: replay.html in RESULT)")
     what = "time between two states [s] (default: those recorded, fewer in large runs)"
     parser.add_argument("--every", type=float, metavar="S", help=what)
@@ -172,7 +161,7 @@ def execute_replay(arguments: argparse.Namespace) -> int:
     """
     from evac.replay.writer import replay_trajectory
 
-    trajectory = trajectory_of(arguments)
+    trajectory = inputs.trajectory_of(arguments)
     path = arguments.out or trajectory.path.parent / REPLAY_NAME
     frames = replay_trajectory(trajectory, path, arguments.every)
     print(f"{frames} states up to {trajectory.time[-1]:.2f} s, {path.stat().st_size / 1000:.0f} kB in {path}")
@@ -198,7 +187,7 @@ def declare_report(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--congestion-time", type=float, metavar="S", help=what)
     what = "maps to draw, as for `evac map`, or all, or none (default: six of them)"
     parser.add_argument("--maps", metavar="MAP,...", help=what)
-    declare_service(parser)
+    inputs.declare_service(parser)
     what = "result folder of a run of the study, whose plans, congestion and maps are shown (may be repeated)"
     parser.add_argument("--run", dest="runs", type=Path, metavar="RESULT", action="append", default=[], help=what)
 
@@ -224,7 +213,9 @@ def execute_report(arguments: argparse.Namespace) -> int:
         raise ResultError(f"{folder}: no such folder; give the result folder of a run or a study")
     labels = Labels(arguments.project, arguments.author, arguments.reviewer, arguments.date)
     density = DENSITY if arguments.congestion_density is None else arguments.congestion_density
-    maps = MAPS if arguments.maps is None else () if arguments.maps == "none" else maps_of("--maps", arguments.maps)
+    maps = (
+        MAPS if arguments.maps is None else () if arguments.maps == "none" else inputs.maps_of("--maps", arguments.maps)
+    )
     places = Places(density, arguments.congestion_time, maps, arguments.service)
     if arguments.bundle and is_study(folder):
         raise ResultError(f"{folder}: --bundle applies to the folder of a run, but this is that of a study; remove it")
@@ -250,7 +241,7 @@ def declare_compare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("designs", metavar="RESULT", nargs="+", help=what)
     parser.add_argument("--out", type=Path, metavar="FILE", help="page to write, such as compare.html")
     what = "make so many runs of each CASE, all from the seed of the first one, into ./CASE-runs"
-    parser.add_argument("--runs", type=positive, metavar="N", help=what)
+    parser.add_argument("--runs", type=inputs.positive, metavar="N", help=what)
 
 
 def execute_compare(arguments: argparse.Namespace) -> int:
@@ -295,8 +286,8 @@ def _designs(arguments: argparse.Namespace) -> "Iterator[Path | Study]":
             check_result(path)
             yield path
             continue
-        case = with_plugin_files(load_case(name, seed))
-        seed, folder = [f"simulation.seed={case.simulation.seed}"], default_folder(case, "runs")
+        case = inputs.with_plugin_files(load_case(name, seed))
+        seed, folder = [f"simulation.seed={case.simulation.seed}"], inputs.default_folder(case, "runs")
         if folder in folders:
             folder = Path(f"{folder}-{len(folders) + 1}")
         folders.add(folder)

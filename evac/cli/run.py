@@ -9,13 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.base.display import Display
-from evac.cli.inputs import (
-    announce_plugin_file,
-    case_to_run,
-    declare_case,
-    declare_plugin,
-    default_folder,
-)
+from evac.cli import inputs
 from evac.cli.screen import STYLES, height, note, notify, say, show_facts, show_table, show_warnings, wrapped
 from evac.folder.files import ANIMATION_NAME, CHECKPOINT_NAME, REPLAY_NAME
 
@@ -32,7 +26,7 @@ SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 
 def declare_run(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac run`."""
-    declare_case(parser)
+    inputs.declare_case(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder (default: ./CASE-result)")
     what = "compute also the parts that the case does not need: slower, with the same trajectories"
     parser.add_argument("--full", action="store_true", help=what)
@@ -65,15 +59,15 @@ def execute_run(arguments: argparse.Namespace) -> int:
     """
     with Display() as display:
         display.phase("reading the case")
-        case = case_to_run(arguments)
+        case = inputs.case_to_run(arguments)
         if arguments.watch:
-            display.line(_watched(case.source, arguments.out or default_folder(case)))
+            display.line(_watched(case.source, arguments.out or inputs.default_folder(case)))
         if arguments.vtk:
             case = case.change({"output.animation": True})
         from evac.folder.resultfolder import ResultFolder
         from evac.simulation.simulation import Simulation
 
-        with ResultFolder(arguments.out or default_folder(case)) as place:
+        with ResultFolder(arguments.out or inputs.default_folder(case)) as place:
             if place.is_left_over:
                 has_state = (place.running / CHECKPOINT_NAME).is_file()
                 hint = f" (evac resume {place.path} would have continued it)" if has_state else ""
@@ -116,7 +110,7 @@ def declare_resume(parser: argparse.ArgumentParser) -> None:
     declare_verbose(parser)
     differences = "continue, with a note, even if versions, kernels, plugins or the file of the building have changed"
     parser.add_argument("--allow-differences", action="store_true", help=differences)
-    declare_plugin(parser)
+    inputs.declare_plugin(parser)
 
 
 def execute_resume(arguments: argparse.Namespace) -> int:
@@ -137,7 +131,7 @@ def execute_resume(arguments: argparse.Namespace) -> int:
                 allow_differences=arguments.allow_differences,
                 case_file=arguments.case,
                 compiling=display.compiling,
-                announce=announce_plugin_file,
+                announce=inputs.announce_plugin_file,
             )
             display.line(f"evac: resuming at {simulation.time:.2f} s in {place.running}")
             checkpoint = every if arguments.checkpoint is None else arguments.checkpoint

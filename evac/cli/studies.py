@@ -10,15 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from evac.base.display import Display
 from evac.base.errors import EvacError, ScenarioError, counted, text_of
-from evac.cli.inputs import (
-    case_to_run,
-    declare_case,
-    declare_plugin,
-    declare_set,
-    default_folder,
-    positive,
-    with_plugin_files,
-)
+from evac.cli import inputs
 from evac.cli.main import BAD_INPUT
 from evac.cli.screen import STYLES, note, say, show_facts, show_table, show_warnings
 
@@ -42,7 +34,7 @@ MOST_NOTES = 3
 
 def declare_repeat(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac repeat`."""
-    declare_case(parser)
+    inputs.declare_case(parser)
     _declare_study(parser)
     step = "make all runs with half the time step as well, and show the difference"
     parser.add_argument("--check-step", action="store_true", help=step)
@@ -60,22 +52,22 @@ def execute_repeat(arguments: argparse.Namespace) -> int:
     """
     from evac.study.points import halved_steps, single
 
-    case = case_to_run(arguments)
+    case = inputs.case_to_run(arguments)
     points = halved_steps(case) if arguments.check_step else single(case)
-    return run_study(arguments, points, default_folder(case, "runs"))
+    return run_study(arguments, points, inputs.default_folder(case, "runs"))
 
 
 def declare_sweep(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac sweep`."""
     case = "a case.toml, a folder that contains one, or a shipped case; not needed if the table names cases"
     parser.add_argument("case", metavar="CASE", nargs="?", help=case)
-    declare_set(
+    inputs.declare_set(
         parser, "values of keys, such as people.people.number=100,200,300 simulation.step=0.005,0.01", "KEY=VALUES"
     )
     table = "one point per row: CSV with dotted keys as header; `case` names a case"
     parser.add_argument("--table", type=Path, metavar="FILE", help=table)
     parser.add_argument("--seed", type=int, metavar="N", help="seed of the first run of each point (simulation.seed)")
-    declare_plugin(parser)
+    inputs.declare_plugin(parser)
     _declare_study(parser)
     parser.set_defaults(replay=False)
 
@@ -99,14 +91,14 @@ def execute_sweep(arguments: argparse.Namespace) -> int:
     else:
         assert case is not None
         points = grid(case, parameters)
-    return run_study(arguments, points, default_folder(case or points[0].case, "sweep"))
+    return run_study(arguments, points, inputs.default_folder(case or points[0].case, "sweep"))
 
 
 def _declare_study(parser: argparse.ArgumentParser) -> None:
     """Declare the options of a study."""
 
     def number(name: str, what: str) -> None:
-        parser.add_argument(f"--{name}", type=positive, metavar="N", help=what)
+        parser.add_argument(f"--{name}", type=inputs.positive, metavar="N", help=what)
 
     number("runs", "number of runs, in a sweep of each point (default: 20)")
     until = "run until half the width of the confidence interval is at most this share of the statistic, such as 2%%"
@@ -321,7 +313,7 @@ def _case_of_sweep(arguments: argparse.Namespace, fixed: list[str]) -> "Case | N
         raise ScenarioError("no key has several values: give them (--set KEY=V1,V2), or use evac repeat")
     if arguments.case is None:
         return None
-    return with_plugin_files(load_case(arguments.case, fixed, arguments.plugins))
+    return inputs.with_plugin_files(load_case(arguments.case, fixed, arguments.plugins))
 
 
 def _with_files_beside(folder: Path, case: "Case") -> "Case":
@@ -333,7 +325,7 @@ def _with_files_beside(folder: Path, case: "Case") -> "Case":
             f"{case.source}: has plugin files, and is named by a table in another folder; move the table beside the "
             "folder of the case, or sweep the case itself"
         )
-    return with_plugin_files(case)
+    return inputs.with_plugin_files(case)
 
 
 def _rows_of_table(

@@ -14,15 +14,7 @@ from evac.base.phases import told
 from evac.building.model.building import Building
 from evac.building.model.elevation import on_level, triangles_on
 from evac.export.exporter import file_stems
-from evac.folder.files import (
-    ANIMATION_NAME,
-    BUILDING_FOLDER,
-    FRAMES_FOLDER,
-    building_name,
-    frame_name,
-    replacing,
-    writing,
-)
+from evac.folder import files
 from evac.trajectory.trajectory import Frame, Trajectory
 
 _NO_CELLS = np.zeros((0, 1), dtype=np.int64)
@@ -119,15 +111,15 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
     """
     if not len(trajectory):
         raise ResultError(f"{trajectory.path}: no frame to export; the run ended before its first output")
-    with writing("the VTK animation", folder):
-        for name in (FRAMES_FOLDER, BUILDING_FOLDER):
+    with files.writing("the VTK animation", folder):
+        for name in (files.FRAMES_FOLDER, files.BUILDING_FOLDER):
             if (folder / name).is_symlink():
                 raise NotADirectoryError(f"{folder / name} is a link")
             (folder / name).mkdir(parents=True, exist_ok=True)
         for name, content in _files(trajectory):
-            with replacing(folder / name, "the VTK animation", is_synced=not name.endswith(".vtp")) as new:
+            with files.replacing(folder / name, "the VTK animation", is_synced=not name.endswith(".vtp")) as new:
                 new.write_bytes(content)
-    return folder / ANIMATION_NAME
+    return folder / files.ANIMATION_NAME
 
 
 def _files(trajectory: Trajectory) -> Iterator[tuple[str, bytes]]:
@@ -136,12 +128,12 @@ def _files(trajectory: Trajectory) -> Iterator[tuple[str, bytes]]:
     states = {building.condition: building for building in buildings}
     yield from _building_files([*states.values()])
     for k in told("writing the VTK animation", range(len(trajectory)), len(trajectory)):
-        yield frame_name(k), vtp_bytes(people_polydata(trajectory, trajectory[k]))
+        yield files.frame_name(k), vtp_bytes(people_polydata(trajectory, trajectory[k]))
         if trajectory.building.lifts:
-            yield frame_name(k).replace("frame_", "cars_"), vtp_bytes(cars_polydata(trajectory, trajectory[k]))
-    names = {condition: building_name(k) for k, condition in enumerate(states)}
+            yield files.frame_name(k).replace("frame_", "cars_"), vtp_bytes(cars_polydata(trajectory, trajectory[k]))
+    names = {condition: files.building_name(k) for k, condition in enumerate(states)}
     shown = [names[building.condition] for building in buildings]
-    yield ANIMATION_NAME, _pvd(trajectory.time, shown, bool(trajectory.building.lifts)).encode()
+    yield files.ANIMATION_NAME, _pvd(trajectory.time, shown, bool(trajectory.building.lifts)).encode()
 
 
 def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
@@ -240,7 +232,7 @@ def _building_files(states: Sequence[Building]) -> Iterator[tuple[str, bytes]]:
         stems = file_stems(f"{k:05d} {block} {name}" if k else f"{block} {name}" for block, name, _ in parts)
         blocks: dict[str, list[str]] = {}
         for stem, (block, name, data) in zip(stems, parts, strict=True):
-            file = f"{BUILDING_FOLDER}/{stem}.vtp"
+            file = f"{files.BUILDING_FOLDER}/{stem}.vtp"
             yield file, vtp_bytes(data)
             entries = blocks.setdefault(block, [])
             entries.append(f'      <DataSet index="{len(entries)}" name={quoteattr(name)} file={quoteattr(file)}/>\n')
@@ -252,16 +244,16 @@ def _building_files(states: Sequence[Building]) -> Iterator[tuple[str, bytes]]:
             '<?xml version="1.0"?>\n<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">\n'
             f"  <vtkMultiBlockDataSet>\n{tree}  </vtkMultiBlockDataSet>\n</VTKFile>\n"
         )
-        yield building_name(k), text.encode()
+        yield files.building_name(k), text.encode()
 
 
 def _pvd(times: NDArray[np.float64], buildings: Sequence[str], has_cars: bool) -> str:
     entry = '    <DataSet timestep="{}" part="{}" name="{}" file="{}"/>'
     lines = []
     for k, (time, building) in enumerate(zip(times.tolist(), buildings, strict=True)):
-        lines.append(entry.format(repr(time), 0, "people", frame_name(k)))
+        lines.append(entry.format(repr(time), 0, "people", files.frame_name(k)))
         lines.append(entry.format(repr(time), 1, "building", building))
         if has_cars:
-            lines.append(entry.format(repr(time), 2, "cars", frame_name(k).replace("frame_", "cars_")))
+            lines.append(entry.format(repr(time), 2, "cars", files.frame_name(k).replace("frame_", "cars_")))
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
     return head + "  <Collection>\n" + "\n".join(lines) + "\n  </Collection>\n</VTKFile>\n"

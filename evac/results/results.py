@@ -15,20 +15,8 @@ from pydantic import BeforeValidator, ConfigDict, Field, GetPydanticSchema, Plai
 from pydantic_core import core_schema
 from typing_extensions import TypedDict
 
+from evac.analysis import lines
 from evac.analysis.hydraulic import DesignFlow, design_flows, hydraulic_time
-from evac.analysis.lines import (
-    ExitUse,
-    FlowUse,
-    LineFlow,
-    Moves,
-    Occupancy,
-    exit_table,
-    flow_rows,
-    line_flows,
-    link_flows,
-    moves_of,
-    totals,
-)
 from evac.analysis.queues import Queue, find_queues
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
@@ -133,7 +121,7 @@ class PortalUse(TypedDict):
     passages: Count
 
 
-class StairUse(Occupancy):
+class StairUse(lines.Occupancy):
     """Use of a stair, and the indices of its pieces among all levels and of the portals within it."""
 
     pieces: Mapping[str, Count]
@@ -221,12 +209,12 @@ class Results:
     warnings: tuple[str, ...] = ()
     """The warnings that `evac check` shows: about the building, narrow places, people for whom no way is wide enough,
     unusual people, response times beyond the end of the run."""
-    exits: Mapping[str, ExitUse]
+    exits: Mapping[str, lines.ExitUse]
     """For each exit: people, last time [s], width [m], flow between the first and the last fifth of the people [1/s],
     and this flow per metre of width. Flows need at least 20 people, not all at the same time."""
     portals: Mapping[str, PortalUse]
     """For each portal between floors and stairs: these, width [m], number of passages in both directions."""
-    levels: Mapping[str, Occupancy]
+    levels: Mapping[str, lines.Occupancy]
     """For each level that is not a piece of a stair: number of people who used it, greatest number at one time, time at
     which the last person left it [s]."""
     stairs: Mapping[str, StairUse]
@@ -512,31 +500,31 @@ class Results:
         return answer_of(self)
 
     @cached_property
-    def moves(self) -> Moves:
+    def moves(self) -> lines.Moves:
         """All changes of level, in order of time."""
         crowd = self.crowd
-        return moves_of(
+        return lines.moves_of(
             self.building, self.start_level, self.crossings, crowd.exit_time, crowd.arrival_time, crowd.exit_used
         )
 
     @derived("flows")
-    def flow_totals(self) -> list[FlowUse]:
+    def flow_totals(self) -> list[lines.FlowUse]:
         """For each exit, portal, door and line of the case, and each direction in which somebody passed: people, first
         and last time [s], width [m], and the flow between the first and the last fifth of the people.
         """
-        return totals(self._flows_of_ends)
+        return lines.totals(self._flows_of_ends)
 
     @property
-    def _flows_of_ends(self) -> list[LineFlow]:
+    def _flows_of_ends(self) -> list[lines.LineFlow]:
         """The flows but for those between the pieces of a stair."""
         within = {portal for stair in self.stairs.values() for portal in stair["portals"]}
         return [line for line in self.flows if line.name not in within]
 
     @cached_property
-    def flows(self) -> tuple[LineFlow, ...]:
+    def flows(self) -> tuple[lines.LineFlow, ...]:
         """Passages through exits and portals and, from the recorded motion, through doors and the lines of the case."""
-        crossed = [] if self.trajectory is None else line_flows(self.trajectory)
-        return (*link_flows(self.building, self.moves), *crossed)
+        crossed = [] if self.trajectory is None else lines.line_flows(self.trajectory)
+        return (*lines.link_flows(self.building, self.moves), *crossed)
 
     @cached_property
     def design_flows(self) -> list[DesignFlow]:
@@ -696,7 +684,7 @@ class Results:
         ResultError
             A file cannot be written.
         """
-        flows = flow_rows(self._flows_of_ends, self.time)
+        flows = lines.flow_rows(self._flows_of_ends, self.time)
         egress = zip(*(column.tolist() for column in self.egress()), strict=True)
         write_csv(folder / EGRESS_NAME, EGRESS_COLUMNS, egress)
         write_csv(folder / PEOPLE_NAME, self.people_columns, zip(*self._people_columns(), strict=True))
@@ -741,9 +729,9 @@ def results_of(
     **others: Any,
 ) -> Results:
     """Return the results of a run, with the tables and quality warnings that follow from its data."""
-    moves = moves_of(building, start_level, crossings, crowd.exit_time, crowd.arrival_time)
+    moves = lines.moves_of(building, start_level, crossings, crowd.exit_time, crowd.arrival_time)
     levels = {level.name: moves.occupancy([level.index]) for level in building.levels if level.stair is None}
-    exits = exit_table(building, crowd.exit_used, crowd.exit_time)
+    exits = lines.exit_table(building, crowd.exit_used, crowd.exit_time)
     names = [level.title for level in building.levels]
     stairs = {
         name: StairUse(

@@ -14,19 +14,7 @@ from evac.analysis.queues import is_little
 from evac.base.arrays import FloatArray
 from evac.base.defaults import LONGEST_NAME
 from evac.base.errors import counted, in_order
-from evac.folder.files import (
-    EGRESS_NAME,
-    EGRESS_PICTURE_NAME,
-    MEDIAN_REPLAY_NAME,
-    REPLAY_NAME,
-    RUNS_NAME,
-    STATISTICS_NAME,
-    SUMMARY_NAME,
-    SWEEP_PICTURE_NAME,
-    WORST_REPLAY_NAME,
-    note_written,
-    writing,
-)
+from evac.folder import files
 from evac.folder.textfiles import plain, write_csv, write_json
 from evac.results.results import versions
 from evac.results.tables import AT, WAITED
@@ -60,18 +48,18 @@ RUN_COLUMNS = ("ended", "blocked", "time", "people", "out", "last_out")
 def write_outputs(study: "Study") -> None:
     """Write all outputs of a study to its folder, besides its rows and replays."""
     folder = study.folder
-    with writing("the results", folder):
-        write_runs(study, folder / RUNS_NAME)
+    with files.writing("the results", folder):
+        write_runs(study, folder / files.RUNS_NAME)
         rows = statistics_rows(study)
-        write_csv(folder / STATISTICS_NAME, rows[0], (map(_field, row.values()) for row in rows))
+        write_csv(folder / files.STATISTICS_NAME, rows[0], (map(_field, row.values()) for row in rows))
         egress_curves = [egress(study, point.index) for point in study.points]
-        _write_egress(study, egress_curves, folder / EGRESS_NAME)
+        _write_egress(study, egress_curves, folder / files.EGRESS_NAME)
         if study.points[0].case.output.picture:
             from evac.pictures.writing import save
 
-            name = EGRESS_PICTURE_NAME if len(study.points) == 1 else SWEEP_PICTURE_NAME
+            name = files.EGRESS_PICTURE_NAME if len(study.points) == 1 else files.SWEEP_PICTURE_NAME
             save(figure_of(study, egress_curves[0]), folder / name)
-        write_json(folder / SUMMARY_NAME, plain(summary(study)), "the results")
+        write_json(folder / files.SUMMARY_NAME, plain(summary(study)), "the results")
 
 
 def write_replays(study: "Study") -> None:
@@ -82,16 +70,16 @@ def write_replays(study: "Study") -> None:
     """
     order = sorted((row["last_out"] or math.inf, -row["out"], row["run"]) for row in study.rows(0, COUNTED))
     ranked = [run for _, _, run in order]
-    chosen = {MEDIAN_REPLAY_NAME: ranked[(len(ranked) - 1) // 2], WORST_REPLAY_NAME: ranked[-1]}
+    chosen = {files.MEDIAN_REPLAY_NAME: ranked[(len(ranked) - 1) // 2], files.WORST_REPLAY_NAME: ranked[-1]}
     for name, run in list(chosen.items())[: len(ranked)]:
-        case, rank = study.case_of(0, run), "Worst" if name == WORST_REPLAY_NAME else "Median"
+        case, rank = study.case_of(0, run), "Worst" if name == files.WORST_REPLAY_NAME else "Median"
         title = f"{rank} of {counted(len(ranked), 'run')}, seed {case.simulation.seed}: {case.title}"[:LONGEST_NAME]
         changes = {"output.replay": True, "output.animation": False, "output.trajectory": True, "title": title}
         case = case.change(changes)
-        with writing("the replays", study.folder), TemporaryDirectory(dir=study.folder) as place:
+        with files.writing("the replays", study.folder), TemporaryDirectory(dir=study.folder) as place:
             Simulation(case, Path(place)).run()
-            note_written([study.folder / name])
-            (Path(place) / REPLAY_NAME).replace(study.folder / name)
+            files.note_written([study.folder / name])
+            (Path(place) / files.REPLAY_NAME).replace(study.folder / name)
 
 
 def summary(study: "Study") -> dict[str, Any]:

@@ -25,16 +25,8 @@ import pyarrow.ipc
 from evac.base.errors import ResultError, in_one_line, naming, text_of, usable_path
 from evac.building.model.building import Building
 from evac.case.case import Case
+from evac.folder import files
 from evac.folder.digests import differences, digest_of_data, digest_of_file, read_sealed, sealed
-from evac.folder.files import (
-    BUILDINGS_NAME,
-    RUNS_STREAM_NAME,
-    STUDY_NAME,
-    note_written,
-    read_manifest,
-    replacing,
-    writing,
-)
 from evac.folder.textfiles import plain, read_json, write_json
 from evac.results.ending import FAILED
 from evac.results.results import versions
@@ -128,15 +120,15 @@ class RowStore:
         self._file: Any = None
         self.dropped_bytes = 0
         self._end, self._synced = 0, 0.0
-        with writing("the rows", folder):
+        with files.writing("the rows", folder):
             if self._path.is_file():
                 self._index()
 
     def append(self, row: Row) -> None:
         """Write a row. It survives a kill of this process; a failure of the machine can lose those of `SYNC_EVERY`."""
-        with writing("the rows", self._path):
+        with files.writing("the rows", self._path):
             if self._file is None:
-                note_written([self._path])
+                files.note_written([self._path])
                 self._file = self._path.open("r+b" if self._end else "wb", buffering=0)
                 self._file.truncate(self._end)
                 self._file.seek(self._end)
@@ -163,9 +155,9 @@ class RowStore:
 
     def complete(self) -> None:
         """Remove what follows the last whole row, and note the digest of the stream in the manifest."""
-        with writing("the rows", self._path):
+        with files.writing("the rows", self._path):
             os.truncate(self._path, self._end)
-            note_written([self._path], sha256=digest_of_file(self._path))
+            files.note_written([self._path], sha256=digest_of_file(self._path))
 
     def table(self) -> pa.Table:
         """Return all rows as one table, sorted by point and run."""
@@ -173,7 +165,7 @@ class RowStore:
 
     def move(self, folder: Path) -> None:
         """Set the new path of the renamed folder; the stream must be closed."""
-        self._path = folder / RUNS_STREAM_NAME
+        self._path = folder / files.RUNS_STREAM_NAME
 
     def close(self) -> None:
         """Close the stream."""
@@ -322,13 +314,13 @@ def write_identity(folder: Path, identity: Mapping[str, Any], definition: Mappin
     """Write study.json, with a digest of its content."""
     content = json.loads(json.dumps({**identity, "definition": definition}, default=plain))
     text = json.dumps({**content, "digest": digest_of_data(content)}, indent=2)
-    with replacing(folder / STUDY_NAME, "the study") as new:
+    with files.replacing(folder / files.STUDY_NAME, "the study") as new:
         new.write_text(text + "\n", encoding="utf-8")
 
 
 def read_identity(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the identity and the definition of a study."""
-    path = usable_path(folder, ResultError) / STUDY_NAME
+    path = usable_path(folder, ResultError) / files.STUDY_NAME
     if not path.is_file():
         raise ResultError(f"{path}: no such file; name a result folder of `evac repeat` or `evac sweep`")
     try:
@@ -347,12 +339,12 @@ def write_buildings(folder: Path, buildings: Mapping[str, Building], keys: Seque
     numbers = {key: number for number, key in enumerate(buildings)}
     parts = [building_to_json(building) for building in buildings.values()]
     content = {"of_point": [numbers.get(key) for key in keys], "buildings": parts}
-    write_json(folder / BUILDINGS_NAME, plain(content), "the buildings")
+    write_json(folder / files.BUILDINGS_NAME, plain(content), "the buildings")
 
 
 def read_buildings(folder: Path, points: int) -> list[Building | None]:
     """Return the building of each point, None where none is written."""
-    path = folder / BUILDINGS_NAME
+    path = folder / files.BUILDINGS_NAME
     if not path.is_file():
         return [None] * points
     data = read_json(path)
@@ -366,7 +358,7 @@ def read_buildings(folder: Path, points: int) -> list[Building | None]:
 
 def check_rows(folder: Path) -> None:
     """Refuse the rows of a complete study that have changed."""
-    path, digest = folder / RUNS_STREAM_NAME, read_manifest(folder).files.get(RUNS_STREAM_NAME)
+    path, digest = folder / files.RUNS_STREAM_NAME, files.read_manifest(folder).files.get(files.RUNS_STREAM_NAME)
     if digest and digest_of_file(path) != digest:
         raise ResultError(f"{path}: damaged; the same study with --resume or resume=True makes the lost runs again")
 

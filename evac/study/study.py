@@ -23,24 +23,12 @@ from evac.results.recordedcase import recorded_case
 from evac.results.results import Results
 from evac.results.verdict import Verdict, rank, verdict_of
 from evac.simulation.shared import shared_scene
+from evac.study import store
 from evac.study.execute import Execution, Order, Row, Task, order_of
 from evac.study.maps import maps_over_runs
 from evac.study.points import STEP, Point, Seeds
 from evac.study.statistics import MEDIAN, Estimate, Statistics, Variation, difference, statistics, variation
 from evac.study.stopping import Rule
-from evac.study.store import (
-    RowStore,
-    check_identity,
-    check_rows,
-    definition_of,
-    digest_of,
-    identity_of,
-    key_of,
-    read_buildings,
-    read_identity,
-    write_buildings,
-    write_identity,
-)
 
 if TYPE_CHECKING:
     import pandas
@@ -78,7 +66,7 @@ class Study:
     def __init__(self, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path) -> None:
         self.points = tuple(points)
         self.seeds, self.rule, self.folder = seeds, rule, folder
-        self._store = RowStore(self.folder, self.points)
+        self._store = store.RowStore(self.folder, self.points)
         self._orders: list[Order] = []
         self._wanted = [self._extent(point.index) for point in self.points]
         self._there = list(self._wanted)
@@ -99,12 +87,12 @@ class Study:
         is_mapped: bool = False,
     ) -> "Study":
         """Return a study to be executed; its folder contains no study, or if it is resumed, the same one."""
-        keys = [key_of(point.case) for point in points]
-        digests = [digest_of(point.case, key) for point, key in zip(points, keys, strict=True)]
-        identity = identity_of(points, seeds, digests)
+        keys = [store.key_of(point.case) for point in points]
+        digests = [store.digest_of(point.case, key) for point, key in zip(points, keys, strict=True)]
+        identity = store.identity_of(points, seeds, digests)
         if resume:
-            check_identity(folder, identity)
-        write_identity(folder, identity, definition_of(points, rule))
+            store.check_identity(folder, identity)
+        store.write_identity(folder, identity, store.definition_of(points, rule))
         study = cls(points, seeds, rule, folder)
         study._store.forget_failed()
         study._orders = [
@@ -194,7 +182,7 @@ class Study:
             with suppress(EvacError):  # of a point whose runs are refused
                 scene = shared_scene(self.points[order.point].case, order.key)
                 buildings.setdefault(order.key, scene.building)
-        write_buildings(self.folder, buildings, [order.key for order in orders])
+        store.write_buildings(self.folder, buildings, [order.key for order in orders])
 
     @property
     def done(self) -> int:
@@ -261,7 +249,7 @@ class Study:
 
     @cached_property
     def _buildings(self) -> list[Building | None]:
-        return read_buildings(self.folder, len(self.points))
+        return store.read_buildings(self.folder, len(self.points))
 
     @property
     def central(self) -> str:
@@ -392,8 +380,8 @@ def read_study(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> S
     >>> study.statistics[0].mean  # doctest: +SKIP
     """
     place = usable_path(folder, ResultError)
-    identity, definition = read_identity(place)
-    check_rows(place)
+    identity, definition = store.read_identity(place)
+    store.check_rows(place)
     files = tuple(Path(path).resolve() for path in plugin_files)
     try:
         bases = [

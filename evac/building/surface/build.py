@@ -22,16 +22,8 @@ from evac.building.model.elevation import elevation, level_elevation
 from evac.building.model.findings import Finding, item_of, noting, numbered, refusal
 from evac.building.model.links import close_links, isolated_parts, set_moving, with_controls
 from evac.building.options import BuildingOptions, ExitLine, Outline, SurfaceOptions
+from evac.building.surface import levels
 from evac.building.surface.foreign import turned
-from evac.building.surface.levels import (
-    COLLINEAR,
-    LevelSet,
-    edge_table,
-    find_doors,
-    find_exits_and_walls,
-    find_levels,
-    find_portals,
-)
 from evac.building.surface.places import HEIGHT_REACH, add_area, add_exit, add_obstacles, obstacle_place
 from evac.building.surface.surface import Surface, clean_surface
 from evac.building.surface.surfacemesh import SurfaceMesh, checked
@@ -73,9 +65,9 @@ def building_of(
 
 
 def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_exit: bool) -> Building:
-    table = edge_table(source, surface.vertices, surface.triangles)
-    level_set = find_levels(source, surface, table)
-    tagged_exits, walls, wall_level = find_exits_and_walls(source, surface, table, level_set)
+    table = levels.edge_table(source, surface.vertices, surface.triangles)
+    level_set = levels.find_levels(source, surface, table)
+    tagged_exits, walls, wall_level = levels.find_exits_and_walls(source, surface, table, level_set)
     areas, divided = _tagged_areas(source, surface, level_set)
     notes = (*divided, *(Finding("missing", text) for text in options.missing))
     building = Building(
@@ -85,14 +77,14 @@ def _building_of(surface: Surface, source: Path, options: BuildingOptions, need_
             replace(level, is_ramp=0.0 < math.tan(level.slope) <= options.ramp * (1.0 + 1e-9))
             for level in level_set.levels
         ),
-        portals=find_portals(surface, table, level_set),
+        portals=levels.find_portals(surface, table, level_set),
         exits=tagged_exits,
         areas=areas,
         walls=walls,
         wall_level=wall_level,
         stairs=level_set.stairs,
         findings=(*surface.findings, *level_set.findings, *notes),
-        doors=find_doors(surface, level_set.levels),
+        doors=levels.find_doors(surface, level_set.levels),
         north=surface.given.north if options.north is None else options.north,
     )
     if errors := [*check_overlap(building), *check_depth(building)]:
@@ -146,7 +138,7 @@ def _given(
     return noting(errors, f"{kind} {item.name!r} (given as {key})", key, item.level, np.array(corners))
 
 
-def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[tuple[Area, ...], list[Finding]]:
+def _tagged_areas(source: Path, surface: Surface, level_set: levels.LevelSet) -> tuple[tuple[Area, ...], list[Finding]]:
     """Make the areas of the tags ``area:NAME``, in the order of their names; one over several levels is divided."""
     areas, notes = [], []
     names = sorted(tag.removeprefix("area:") for tag in surface.cell_tags if tag.startswith("area:"))
@@ -180,7 +172,7 @@ def _standing_obstacles(building: Building, surface: Surface) -> list[tuple[str,
     obstacles = []
     for tag, corners in ((tag, own) for tag, given in sorted(surface.obstacles.items()) for own in _by_foot(given)):
         cells = shapely.polygons(corners[:, :, :2])
-        outline = union(cells[shapely.area(cells) > LEAST_LENGTH**2]).simplify(COLLINEAR)
+        outline = union(cells[shapely.area(cells) > LEAST_LENGTH**2]).simplify(levels.COLLINEAR)
         z = float(corners[:, :, 2].min())
         for level in building.levels:
             on = flat_parts(outline.intersection(level.polygon))
