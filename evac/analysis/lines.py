@@ -307,8 +307,12 @@ def line_flows(trajectory: Trajectory) -> list[LineFlow]:
         return []
     passed: list[list[Passages]] = [[] for _ in lines]
     for moved in _moved(trajectory):
+        there = {
+            level: np.flatnonzero((moved.level == level) | (moved.after == level))
+            for level in {level for _, _, level, _, _ in lines}
+        }
         for parts, (_, _, level, segment, _) in zip(passed, lines, strict=True):
-            parts.append(_through(moved, level, segment))
+            parts.append(_through(moved, there[level], segment))
     flows = []
     for parts, (kind, name, level, segment, width) in zip(passed, lines, strict=True):
         person, time, forward = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -350,15 +354,14 @@ def _moved(trajectory: Trajectory) -> Iterator[_Moved]:
         yield _Moved(person, level, after, start, end, time[frame], span[frame])
 
 
-def _through(moved: _Moved, level: int, segment: FloatArray) -> Passages:
-    """Return person, time and whether it is to the left, of each passage through a segment on a level."""
+def _through(moved: _Moved, here: NDArray[np.intp], segment: FloatArray) -> Passages:
+    """Return person, time and whether it is to the left, of each passage of some rows through a segment."""
     # Whoever stands on the line is at the left of the direction in which x, then y, grows, and of the ends the one from
     # which they grow belongs to the segment: so a line and its reverse count the same, and lines that share an end
     # count a passage through it once.
     is_reversed = tuple(segment[:2]) > tuple(segment[2:])
     first, last = (segment[2:], segment[:2]) if is_reversed else (segment[:2], segment[2:])
     along = last - first
-    here = np.flatnonzero((moved.level == level) | (moved.after == level))
     start, end = moved.start.take(here, 0) - first, moved.end.take(here, 0) - first
     before = along[0] * start[:, 1] - along[1] * start[:, 0]  # positive to the left
     after = along[0] * end[:, 1] - along[1] * end[:, 0]

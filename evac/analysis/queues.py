@@ -188,6 +188,9 @@ class _Ways:
         self._key = self._person * self._end + np.minimum(self._passed, self._time[-1])
         bins = int(self._end // SPAN) + 1
         self._watched, self._waited = np.zeros((2, 2 * len(self.lines), bins))  # [s]
+        self._shapes = [shapely.multilinestrings(line.segments.reshape(-1, 2, 2)) for line in self.lines]
+        levels = range(len(self.building.levels))
+        self._is_on = np.array([[level in line.levels for level in levels] for line in self.lines], np.bool_)
         cars = {room for lift in self.building.lifts for room in lift.rooms}
         self._into_cars = np.repeat([not cars.isdisjoint(line.levels) for line in self.lines], 2).astype(np.bool_)
 
@@ -235,19 +238,16 @@ class _Ways:
         here = [k for k, line in enumerate(self.lines) if level in line.levels]
         if not here:
             return np.full(len(position), len(self.lines) + level)
-        distances = [shapely.distance(self._shape(k), shapely.points(position)) for k in here]
+        distances = [shapely.distance(self._shapes[k], shapely.points(position)) for k in here]
         nearest: NDArray[np.int64] = np.array(here)[np.argmin(distances, axis=0)]
         return nearest
-
-    def _shape(self, line: int) -> shapely.MultiLineString:
-        return shapely.multilinestrings([part.reshape(2, 2) for part in self.lines[line].segments])
 
     def distances(self, rows: Records, line: NDArray[np.int64]) -> FloatArray:
         """Return how far each row is from its line [m]; inf on other levels, 0 without a line."""
         away = np.where(line < len(self.lines), np.inf, 0.0)
         for k in np.unique(line[line < len(self.lines)]).tolist():
-            own = (line == k) & np.isin(rows.level, self.lines[k].levels)
-            away[own] = shapely.distance(self._shape(k), shapely.points(rows.position[own]))
+            own = np.flatnonzero((line == k) & self._is_on[k].take(rows.level))
+            away[own] = shapely.distance(self._shapes[k], shapely.points(rows.position.take(own, 0)))
         return away
 
     def middle(self, line: int) -> FloatArray:
@@ -318,8 +318,10 @@ class _Waiting:
             }
         frames, starts = np.unique(rows.frame[order], return_index=True)
         waits = np.bincount(rows.frame, rows.waits)
-        for frame, first in zip(frames.tolist(), order[starts].tolist(), strict=True):
-            there = slice(*np.searchsorted(still.frame, [frame, frame + 1]))
+        low, high = np.searchsorted(still.frame, [frames, frames + 1])
+        some = np.flatnonzero(high > low)
+        for frame, first, *ends in np.column_stack([frames, order[starts], low, high])[some].tolist():
+            there = slice(*ends)
             is_near = np.hypot(*(still.position[there] - rows.position[first]).T) <= FRONT
             near = np.flatnonzero(is_near & (still.level[there] == rows.level[first])) + there.start
             if len(near):

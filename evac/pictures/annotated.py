@@ -92,7 +92,7 @@ def levels_figure(
                 segment = np.asarray(mark.segment, dtype=np.float64).reshape(1, 4)
                 _line(axes, segment, OPENING, 2.2)
                 beside(axes, segment, mark.label, OPENING)
-        with legible_figure(plans.figure):
+        with legible_figure(axes):
             taken = _numbered(plans.figure, axes, [*places[number].values()])
             _keep_apart(plans.figure, axes, taken)
     _list_below(plans.figure, groups)

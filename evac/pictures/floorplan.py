@@ -112,7 +112,7 @@ def _name(axes: Axes, name: str) -> Text:
     renderer = FigureCanvasAgg(axes.figure).get_renderer()
     style: dict[str, Any] = {"fontsize": 10, "color": palette.TEXT, "y": 1.0, "pad": 3, "parse_math": False}
     titles = [axes.set_title(name, loc=place, **style) for place in ("left", "right", "center")]
-    with legible_figure(axes.figure):
+    with legible_figure(axes):
         written: list[Bbox] = []
         for text in axes.texts:
             for _ in range(LINES if isinstance(text, Annotation) and text.get_fontweight() == "bold" else 0):

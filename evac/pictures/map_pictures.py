@@ -4,6 +4,7 @@ import math
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -13,6 +14,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Colormap, ListedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.patches import PathPatch
 from matplotlib.transforms import Bbox
 
@@ -93,7 +95,7 @@ def draw_maps(
     building = trajectory.building_at(any_map.end)
     shown = None if levels is None else [building.with_cars(level) for level in levels]
     plans = draw_plans(building, title, shown, dpi=dpi, is_filled=False, greatest=greatest)
-    nearest = {name: _nearest_cells(own) for name, own in maps.items()}
+    nearest, images = {name: _nearest_cells(own) for name, own in maps.items()}, _images(plans, maps)
     lasting = set(_artists(plans))
     for quantity in quantities:
         for artist in set(_artists(plans)) - lasting:
@@ -104,7 +106,7 @@ def draw_maps(
         words = f"{what.label} [{what.unit}], {any_map.start:g} to {any_map.end:g} s{explained}{changes}"
         for subtitle in plans.figure.texts[1:2]:
             subtitle.set_text(textwrap.fill(words, round(LETTERS * plans.figure.get_figwidth())))
-        _draw_values(plans, grids, maps, nearest, scale)
+        _draw_values(plans, grids, images, nearest, scale)
         if quantity == "flow":
             _label_lines(plans, recorded_flows(trajectory) if flows is None else flows)
         if any(np.isinf(grid).any() for grid in grids.values()):
@@ -146,7 +148,8 @@ def draw_cut(
         text.set(annotation_clip=True, clip_on=True, clip_box=axes.bbox)  # nothing over the colour bar
     plans = Plans(figure, (axes,), (tuple(shown),), (), (left + 0.8 * width, bottom, 0.2 * width, height))
     nearest = {own.name: _nearest_cells(maps[own.name]) for own in shown}
-    _draw_values(plans, {name: own.array(quantity) for name, own in maps.items()}, maps, nearest, SCALES[quantity])
+    grids, images = {name: own.array(quantity) for name, own in maps.items()}, _images(plans, maps)
+    _draw_values(plans, grids, images, nearest, SCALES[quantity])
 
 
 def draw_grids(
@@ -160,7 +163,7 @@ def draw_grids(
     """Draw values in the cells of maps on the plans of a building, with the colours of a scale."""
     plans = draw_plans(building, None, dpi=dpi, is_filled=False, greatest=greatest)
     nearest = {name: _nearest_cells(own) for name, own in maps.items()}
-    _draw_values(plans, grids, maps, nearest, scale)
+    _draw_values(plans, grids, _images(plans, maps), nearest, scale)
     return plans.figure
 
 
@@ -182,7 +185,7 @@ def draw_difference(
     most = round_up(high_value([np.abs(grid) for grid in grids.values()]))
     plans = draw_plans(building, None, dpi=dpi, is_filled=False, greatest=greatest)
     colours, norm = colormaps["PuOr_r"], Normalize(-most, most)
-    _draw_grids(plans, grids, maps, colours, norm)
+    _draw_grids(_images(plans, maps), grids, colours, norm)
     _add_bar(plans, ScalarMappable(norm, colours), f"{scale.label}, difference [{scale.unit}]")
     return plans.figure
 
@@ -224,7 +227,7 @@ def write_maps(
 def _draw_values(
     plans: Plans,
     grids: Mapping[str, FloatArray],
-    maps: Mapping[str, LevelMaps],
+    images: Mapping[str, AxesImage],
     nearest: Mapping[str, IntArray],
     scale: Scale,
 ) -> None:
@@ -235,7 +238,7 @@ def _draw_values(
         filled = grids[name][row, column]
         drawn[name] = np.where(np.isinf(filled), 2.0, scale.share(filled, top))
     colours, norm = _colours(scale), Normalize(0.0, 1.0)
-    _draw_grids(plans, drawn, maps, colours, norm)
+    _draw_grids(images, drawn, colours, norm)
     ticks = scale.ticks(top)
     ticks = [tick for k, tick in enumerate(ticks) if k == 0 or tick[0] >= ticks[k - 1][0] + LEAST_STEP]
     shares, texts = zip(*ticks, strict=True)
@@ -252,28 +255,29 @@ def _nearest_cells(maps: LevelMaps) -> IntArray:
     return cells
 
 
-def _draw_grids(
-    plans: Plans, grids: Mapping[str, FloatArray], maps: Mapping[str, LevelMaps], colours: Colormap, norm: Normalize
-) -> None:
-    """Draw the values in the cells of levels on their plans, clipped to the floors."""
+def _images(plans: Plans, maps: Mapping[str, LevelMaps]) -> dict[str, AxesImage]:
+    """Draw the floors of plans; return an image for the values of each level with maps, clipped to its floor."""
+    images: dict[str, AxesImage] = {}
     for axes, shown in zip(plans.axes, plans.levels, strict=True):
-        limits = axes.get_xlim(), axes.get_ylim()
         for level in shown:
             floor = PathPatch(outline_of(level.polygon), facecolor=NO_VALUE, edgecolor="none", zorder=0.5)
             axes.add_patch(floor)
-            if level.name in grids:
-                image = axes.imshow(
-                    np.ma.masked_invalid(grids[level.name]),
-                    origin="lower",
-                    extent=maps[level.name].extent,
-                    cmap=colours,
-                    norm=norm,
-                    zorder=1,
-                    aspect="auto",
-                    interpolation="nearest",
-                )
+            if level.name in maps:
+                style: dict[str, Any] = {"origin": "lower", "interpolation": "nearest", "zorder": 1}
+                image = AxesImage(axes, extent=maps[level.name].extent, visible=False, **style)
+                axes.add_image(image)
                 image.set_clip_path(floor)
-        axes.set(xlim=limits[0], ylim=limits[1])
+                images[level.name] = image
+    return images
+
+
+def _draw_grids(
+    images: Mapping[str, AxesImage], grids: Mapping[str, FloatArray], colours: Colormap, norm: Normalize
+) -> None:
+    """Draw values in the cells of levels, instead of what the images show."""
+    for name, grid in grids.items():
+        if image := images.get(name):
+            image.set(data=np.ma.masked_invalid(grid), cmap=colours, norm=norm, visible=True)
 
 
 def _colours(scale: Scale) -> Colormap:

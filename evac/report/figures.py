@@ -141,7 +141,7 @@ def _renderer(trajectory: Trajectory, inches: tuple[float, float], camera: Camer
 
 def _rendered(draw: Renderer, k: int, caption: str, class_: str) -> Picture:
     image, file = draw.image(k), io.BytesIO()
-    Image.fromarray(image).save(file, format="png", optimize=True)
+    Image.fromarray(image).save(file, format="png")
     return _picture(file, "png", draw.names, caption, caption, class_, image.shape[1] / SHARPNESS)
 
 
