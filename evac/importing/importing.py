@@ -48,6 +48,8 @@ MOST_DENSITY = 100.0
 STOREY_HEIGHT = 3.0
 #: Narrowest and widest people of a new case [m], and the number of routes from which their classes are counted.
 WIDTHS, ROUTES = (0.4, 0.5), 4
+#: Spacings of the directions with which a case is tried, in those of the case.
+COARSE = 2.0, 1.0
 #: Names of the files in the folder.
 CASE, MESH, PICTURE, REPORT = "case.toml", "building.msh", "levels.png", "report.md"
 PLAN = "building.plan.toml"
@@ -420,18 +422,27 @@ def _chosen(numbers: Sequence[int], openings: Sequence[Opening]) -> list[Opening
 
 
 def _fault(draft: Path, made: Imported, registry: Registry, is_changed: bool) -> str:
-    """Return why the case in a draft cannot be run; empty if it can. One that is changed may have another building."""
+    """Return why the case in a draft cannot be run; empty if it can. One that is changed may have another building.
+
+    Coarse directions are tried first: they take a fraction of the time, and what they find is looked at with its own.
+    """
     from evac.case.loading import load_case
     from evac.simulation.assembly import make_shared_scene
     from evac.simulation.simulation import Simulation
 
-    try:
-        case = load_case(draft, registry=registry)
-        scene = None if is_changed else make_shared_scene(case, made.building)
-        Simulation(case, shared_scene=scene, will_run=False)
-    except EvacError as error:
-        return str(error).replace(str(draft.resolve()), str(made.folder))
-    return ""
+    fault = ""
+    for cells in COARSE:
+        try:
+            case = load_case(draft, registry=registry)
+            directions = case.directions.model_copy(update={"spacing": cells * case.directions.spacing})
+            case = case.model_copy(update={"directions": directions})
+            scene = make_shared_scene(case, None if is_changed else made.building)
+            Simulation(case, shared_scene=scene, will_run=False)
+        except EvacError as error:
+            fault = str(error).replace(str(draft.resolve()), str(made.folder))
+        else:
+            return ""
+    return fault
 
 
 def _draw(made: Imported, folder: Path, *, are_named: bool) -> None:

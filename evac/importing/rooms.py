@@ -13,7 +13,7 @@ from evac.base.defaults import LEAST_LENGTH, NEGLIGIBLE
 from evac.base.errors import counted
 from evac.building.geometry import segment_lengths
 from evac.building.model.building import Building, Level
-from evac.building.model.elevation import level_elevation
+from evac.building.model.elevation import elevation
 from evac.building.model.findings import Finding, keyed, numbered
 from evac.building.model.links import isolated_parts, levels_reaching
 from evac.people.starts import divided, left_out
@@ -63,31 +63,29 @@ def find_openings(building: Building, given: Sequence[tuple[str, ArrayLike]]) ->
         on = _level_of(building, name, segment)
         if on is not None:
             found.append((on, segment))
-    found = found or _outer(building)
-    width = segment_lengths(np.array([segment for _, segment in found]).reshape(-1, 4))
-    others = [not _is_way(building.levels[level].polygon, segment) for level, segment in found]
-    order = sorted(
-        range(len(found)),
-        key=lambda k: (others[k], -round(float(width[k]), 3), found[k][0], *found[k][1].tolist()),
-    )
-    kept = [k for k in order if width[k] >= LEAST_WIDTH]
-    openings = []
-    for number, k in enumerate(kept, start=1):
-        level, segment = building.levels[found[k][0]], found[k][1]
-        middle = ((segment[:2] + segment[2:]) / 2)[None]
-        z = float(level_elevation(building.vertices, level, middle)[0])
-        openings.append(Opening(number, level.name, z, segment, float(width[k])))
-    return openings
+    rows = []
+    for on, segment in found or _outer(building):
+        width = float(np.hypot(*(segment[2:] - segment[:2])))
+        if width >= LEAST_WIDTH:
+            is_other = not _is_way(building.levels[on].polygon, segment)
+            rows.append((is_other, -round(width, 3), on, *segment.tolist()))
+    rows.sort()
+    index, segments = np.array([row[2] for row in rows], np.int32), np.reshape([row[3:] for row in rows], (-1, 4))
+    heights = elevation(building, index, (segments[:, :2] + segments[:, 2:]) / 2)
+    found_there = zip(index.tolist(), heights.tolist(), segments, segment_lengths(segments).tolist(), strict=True)
+    return [Opening(k, building.levels[on].name, z, *own) for k, (on, z, *own) in enumerate(found_there, start=1)]
 
 
 def _is_way(ground: shapely.Geometry, segment: FloatArray) -> bool:
     """Return whether an outer edge, with the ground on its left, is as wide as a way through a wall, and in one."""
     ends, width = segment.reshape(2, 2), float(np.hypot(*(segment[2:] - segment[:2])))
+    if width > WIDEST_WAY:
+        return False
     step = (ends[1] - ends[0]) / width
     beside = ends + ASIDE * np.stack([-step, step])
     rays = shapely.linestrings(np.stack([beside, beside + THICKEST * np.array([-step[1], step[0]])], axis=1))
     depth = shapely.distance(shapely.intersection(rays, ground), shapely.points(beside))  # NaN without ground
-    return width <= WIDEST_WAY and bool(depth.min() > REACH and np.ptp(depth) < REACH)
+    return bool(depth.min() > REACH and np.ptp(depth) < REACH)
 
 
 def _outer(building: Building) -> list[tuple[int, FloatArray]]:

@@ -61,9 +61,9 @@ def place(
     if len(radii) > 2 * fitting:  # no need to try
         raise _too_many(place_name, radii, polygon, fitting)
     low, high = np.reshape(polygon.bounds, (2, 2))
-    ends, around = segments.reshape(-1, 2, 2), 2 * occupied[:, 2].max(initial=0.0)
-    is_near = (ends.max(axis=1) >= low - 2 * reach) & (ends.min(axis=1) <= high + 2 * reach)
-    near = np.ascontiguousarray(segments[is_near.all(axis=1)])
+    starts, ends, around = segments[:, :2], segments[:, 2:], 2 * occupied[:, 2].max(initial=0.0)
+    is_near = (np.maximum(starts, ends) >= low - 2 * reach) & (np.minimum(starts, ends) <= high + 2 * reach)
+    near = np.ascontiguousarray(segments[is_near[:, 0] & is_near[:, 1]])
     there = occupied[((occupied[:, :2] >= low - around) & (occupied[:, :2] <= high + around)).all(axis=1)]
     shapely.prepare(polygon)
 

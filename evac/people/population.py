@@ -315,7 +315,7 @@ def build_population(
         if people.positions is not None:
             _take_positions(case, building, crowd, people, group.rows)
     findings: list[Finding] = []
-    out: dict[int, LeftOut] = {}
+    out: dict[int, tuple[LeftOut, FloatArray]] = {}
     for people, group in zip(case.people, groups, strict=True):
         if people.positions is None and people.arrive is None:
             findings += _take_area(case, building, fields, crowd, people, group.rows, seed, out)
@@ -435,9 +435,12 @@ def _take_area(
     people: "GroupSettings",
     rows: IntArray,
     seed: int,
-    out: dict[int, LeftOut],
+    out: dict[int, tuple[LeftOut, FloatArray]],
 ) -> tuple[Finding, ...]:
-    """Place a group at random in its areas, clear of walls, doors and people; `out` gets what is left out of levels."""
+    """Place a group at random in its areas, clear of walls, doors and people.
+
+    `out` gets what is left out of levels, and their walls and links (w, 4) [m].
+    """
     generator = generator_for(seed, "people", people.name, "position")
     widest, first, findings = float(crowd.contact_radius[rows].max()), 0, list[Finding]()
     for area, number in starts_of(str(case.source), people, building):
@@ -452,17 +455,19 @@ def _take_area(
             return fields.are_passable(area.level, points, crowd.route[rows[0]], widest)
 
         if area.level not in out:
-            out[area.level] = left_out(building, building.levels[area.level])
-        start = start_in(building, area, out[area.level], has_way)
+            links = [link.segments for link in building.links_of(area.level)]
+            walls = np.concatenate([building.walls[building.wall_level == area.level], *links])
+            out[area.level] = left_out(building, building.levels[area.level]), walls
+        left, walls = out[area.level]
+        start = start_in(building, area, left, has_way)
         findings += start.findings
         kind = "level" if people.level is not None else "area"
         where = "" if kind == "level" else f" on level {building.levels[area.level].name!r}"
         there = np.flatnonzero(crowd.level == area.level)
-        links = [link.segments for link in building.links_of(area.level)]
         crowd.position[own] = place(
             area.polygon,
             crowd.radius[own],
-            np.concatenate([building.walls[building.wall_level == area.level], *links, start.faces]),
+            np.concatenate([walls, start.faces]),
             np.column_stack((crowd.position[there], crowd.radius[there])),
             generator,
             f"{case.source}: people.{people.name}.number: {kind} {area.name!r}{where}",

@@ -77,7 +77,7 @@ def levels_figure(
 
     Stairs are drawn with the storey that they lead up from. Findings other than those of kind "found" are marked with
     numbers at their places and listed below; those that repeat each other have one number. Areas that are smaller on
-    the picture than their names have none.
+    the picture than their names have none, nor have doors that are narrower than a letter.
     """
     plans = draw_plans(building, title, side=MARGIN, has_widths=True, greatest=greatest, part=part)
     groups = listed(findings)
@@ -122,7 +122,7 @@ def _name_parts(axes: Axes, building: Building, levels: Sequence[Level]) -> None
             _name(axes, area.polygon, "\n".join(lines), AREA)
     doors = [door for door in building.doors if door.level in rows]
     _line(axes, np.array([door.segment for door in doors]), palette.PORTAL, 0.8)
-    for door in doors:
+    for door in (door for door in doors if scale * door.width > LETTER**0.5):
         beside(axes, door.segment[None], f"{door.name} {door.width:.2f} m", palette.EDGE)
         axes.texts[-1].set_bbox(PAPER)  # it lies over walls of small rooms
     for level in levels:

@@ -582,9 +582,11 @@ class Drawing:
                 if floor.is_empty:
                     raise ValueError("obstacles, stairs and exits cover all of it; move them")
             areas = {item.name: united(item.polygons) for item in self.plan.areas if item.storey == name}
+            shapely.prepare(floor)
             for item in (item for item in self.plan.areas if item.storey == name and not floor.is_empty):
                 with self._noting("areas", item):
-                    if common(floor, areas[item.name]).is_empty:
+                    area = areas[item.name]
+                    if not floor.contains_properly(area.point_on_surface()) and common(floor, area).is_empty:
                         del areas[item.name]
                         raise ValueError(f"is not on the floor of storey {name!r}; move it there")
             if floor.is_empty:

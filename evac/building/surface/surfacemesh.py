@@ -122,9 +122,11 @@ class SurfaceMesh:
             edge_tags.setdefault(tag, []).extend(
                 [row_of[tuple(one)], row_of[tuple(other)]] for one, other in pairwise(own)
             )
-        count = [len(own) for own in pieces]
-        known = dict.fromkeys(tag for own, *_ in drawn for tag in own)
-        cell_tags = {tag: np.repeat([tag in own for own, *_ in drawn], count) for tag in known}
+        ends = np.cumsum([len(own) for own in pieces])
+        cell_tags: dict[str, BoolArray] = {}
+        for (tags, *_), own, end in zip(drawn, pieces, ends.tolist(), strict=True):
+            for tag in tags:
+                cell_tags.setdefault(tag, np.zeros(len(triangles), np.bool_))[end - len(own) : end] = True
         return cls(points, triangles, cell_tags, edge_tags, findings, openings, doors, uses or {})
 
 

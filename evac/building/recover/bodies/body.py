@@ -9,7 +9,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.building.geometry import GRID, flat_parts
+from evac.building.geometry import flat_parts, rounded
 
 #: A face is level if the vertical component of its unit normal exceeds this: slopes below 3 degrees.
 LEVEL = float(np.cos(np.radians(3.0)))
@@ -17,8 +17,9 @@ LEVEL = float(np.cos(np.radians(3.0)))
 SAME_HEIGHT = 0.02
 #: Grid to which plans of bodies are rounded [m]; corners closer together would be welded.
 MILLIMETRE = 1e-3
-#: Vertical component of the unit normal of sides that are vertical, at most; the other two corners of a triangle.
-VERTICAL, OTHERS = 1e-9, np.array([[1, 2], [0, 2], [0, 1]])
+#: Vertical component of the unit normal of sides that are vertical, at most: 0.3 mm in 3 m; the other two corners of a
+#: triangle.
+VERTICAL, OTHERS = 1e-4, np.array([[1, 2], [0, 2], [0, 1]])
 #: Notches in outlines up to this depth are smoothed [m].
 NOTCH = 2.5e-3
 
@@ -45,8 +46,7 @@ class Body:
         """Corners (t, 3, 3) of the triangles, oriented so that normals point outwards [m]."""
         corners: FloatArray = self.points[self.triangles]
         away = corners - self.points.mean(axis=0)
-        volume = np.einsum("ti,ti->", away[:, 0], np.cross(away[:, 1], away[:, 2]))
-        return corners if volume >= 0.0 else corners[:, ::-1]
+        return corners if np.linalg.det(away).sum() >= 0.0 else corners[:, ::-1]
 
     @cached_property
     def normals(self) -> FloatArray:
@@ -138,8 +138,8 @@ def in_plan(triangles: FloatArray) -> BaseGeometry:
     """Return the union of triangles (t, 3, 2) in plan."""
     if not len(triangles):
         return shapely.Polygon()
-    polygons = shapely.polygons(triangles)
-    return flat_parts(shapely.union_all(polygons[shapely.area(polygons) > 1e-9], grid_size=GRID))
+    polygons = shapely.polygons(rounded(triangles))
+    return flat_parts(shapely.union_all(polygons[shapely.area(polygons) > 1e-9]))
 
 
 def closed(geometry: BaseGeometry, gap: float) -> BaseGeometry:

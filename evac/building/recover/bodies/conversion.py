@@ -1,7 +1,7 @@
 """Plans of building models: passages between rooms, and the storeys, stairs, doors and exits of all bodies."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -75,12 +75,12 @@ def passages_of(bodies: Sequence[Body]) -> tuple[list[Body], list[Body]]:
     by doors only.
     """
     openings = [body for body in bodies if body.kind == "opening"]
-    boxes = _boxes(openings)
+    boxes, row_of = _boxes(openings), {one.number: row for row, one in enumerate(openings) if one.number != -1}
     walls = _boxes([body for body in bodies if body.kind == "wall"])
     passages, taken, filled = [], set(), []
     for body in bodies:
         if body.kind in ("door", "window"):
-            row = _filled(body, openings, boxes)
+            row = row_of[body.fills] if body.fills in row_of else _filled(body, boxes)
             taken.add(row)
             shape = body if row is None else openings[row]
             filled.append(replace(shape, kind="opening", name=body.name, fills=body.number))
@@ -88,10 +88,9 @@ def passages_of(bodies: Sequence[Body]) -> tuple[list[Body], list[Body]]:
                 passages.append(filled[-1])
     middles = boxes[sorted(row for row in taken if row is not None)].mean(axis=1)
     for row, opening in enumerate(openings):
-        has_door = ((opening.box[0] <= middles) & (middles <= opening.box[1])).all(axis=1).any()
-        is_high = opening.z_max - opening.z_min >= LEAST_HEIGHT
-        if row not in taken and is_high and not has_door and _is_in_wall(opening, walls):
-            passages.append(opening)
+        is_free = row not in taken and opening.z_max - opening.z_min >= LEAST_HEIGHT
+        if is_free and not ((opening.box[0] <= middles) & (middles <= opening.box[1])).all(axis=1).any():
+            passages += [opening] if _is_in_wall(opening, walls) else []
     return passages, [*filled, *(opening for opening in passages if opening not in filled)]
 
 
@@ -106,14 +105,11 @@ def _is_in_wall(opening: Body, walls: FloatArray) -> bool:
     return bool((meets & (opening.z_min - walls[:, 0, 2] < FOOT)).any())
 
 
-def _filled(door: Body, openings: Sequence[Body], boxes: FloatArray) -> int | None:
-    """Return the row of the opening that a door or window fills by the file, or by their boxes; None if there is none.
+def _filled(door: Body, boxes: FloatArray) -> int | None:
+    """Return the row of the box of the opening that a door or window fills; None if there is none.
 
     A leaf is thinner than its opening, and may stand beside its wall: what counts is the share of the shorter sides.
     """
-    for row, opening in enumerate(openings):
-        if opening.number == door.fills != -1:
-            return row
     low, high = door.box + np.array([[-BEHIND], [BEHIND]]) * (1.0, 1.0, 0.0)
     both = np.maximum(np.minimum(high, boxes[:, 1]) - np.maximum(low, boxes[:, 0]), 0.0)
     size = np.maximum(boxes[:, 1] - boxes[:, 0], 1e-3)
@@ -177,8 +173,7 @@ def _fit(body: Body, corners: FloatArray, floor: Floor, ground: BaseGeometry, hu
         if width < NARROWEST:
             continue
         along, reach = (ends[1] - ends[0]) / width, depth / 2 + BEHIND
-        parts = {(0.0, width), *_beside(ground, ends, reach)}
-        for start, end, less in ((*part, less) for less in SHORTENED for part in sorted(parts)):
+        for start, end, less in _parts(ground, ends, width, reach):
             if end - start - 2 * less < NARROWEST:
                 continue
             segment = np.round(np.array([ends[0] + (start + less) * along, ends[0] + (end - less) * along]), 3)
@@ -192,18 +187,24 @@ def _fit(body: Body, corners: FloatArray, floor: Floor, ground: BaseGeometry, hu
                 ]
                 leads_out = any(not hull.contains(point) for point in behind)
                 best = Doorway(body.name, floor, ground, segment, reach, sum(rooms), leads_out, body.fills != -1)
+                if best.sides == 2:
+                    return best
     return best
 
 
-def _beside(ground: BaseGeometry, ends: FloatArray, reach: float) -> list[tuple[float, float]]:
-    """Return the parts of a segment, from its first end [m], that have ground on both sides."""
-    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
-    spans = []
+def _parts(ground: BaseGeometry, ends: FloatArray, width: float, reach: float) -> Iterator[tuple[float, float, float]]:
+    """Yield the parts of a segment that are tried in turn, from its first end, and what both ends are shortened [m].
+
+    After all of it come its parts that have ground on both sides.
+    """
+    yield 0.0, width, 0.0
+    along, spans = (ends[1] - ends[0]) / width, []
     for way in (normal(ends), -normal(ends)):
         band = shapely.Polygon([ends[0], ends[1], ends[1] + reach * way, ends[0] + reach * way])
         near = [(shapely.get_coordinates(part) - ends[0]) @ along for part in shapely.get_parts(common(ground, band))]
         spans.append([(float(own.min()), float(own.max())) for own in near])
-    return [(max(a, c), min(b, d)) for a, b in spans[0] for c, d in spans[1]]
+    parts = {(0.0, width), *((max(a, c), min(b, d)) for a, b in spans[0] for c, d in spans[1])}
+    yield from ((*part, less) for less in SHORTENED for part in sorted(parts))
 
 
 #: Minimum area of the remaining part of a room in which people can start [m2].
