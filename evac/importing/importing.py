@@ -424,7 +424,8 @@ def _chosen(numbers: Sequence[int], openings: Sequence[Opening]) -> list[Opening
 def _fault(draft: Path, made: Imported, registry: Registry, is_changed: bool) -> str:
     """Return why the case in a draft cannot be run; empty if it can. One that is changed may have another building.
 
-    Coarse directions are tried first: they take a fraction of the time, and what they find is looked at with its own.
+    Coarse directions are tried first: they take a fraction of the time. What they find wrong, and whether a large
+    building fits into memory, is found with those of the case.
     """
     from evac.case.loading import load_case
     from evac.simulation.assembly import make_shared_scene
@@ -434,7 +435,10 @@ def _fault(draft: Path, made: Imported, registry: Registry, is_changed: bool) ->
     for cells in COARSE:
         try:
             case = load_case(draft, registry=registry)
-            directions = case.directions.model_copy(update={"spacing": cells * case.directions.spacing})
+            own = case.directions.spacing
+            if cells > 1.0 and least_spacing(made.building, ROUTES, own) > own:
+                continue
+            directions = case.directions.model_copy(update={"spacing": cells * own})
             case = case.model_copy(update={"directions": directions})
             scene = make_shared_scene(case, None if is_changed else made.building)
             Simulation(case, shared_scene=scene, will_run=False)

@@ -312,6 +312,16 @@ def test_wide_buildings_get_a_spacing_with_which_they_run(room, tmp_path, monkey
     assert import_building([room], tmp_path / "fine", exits=[1], spacing=0.05).fault
 
 
+def test_a_case_that_runs_with_its_own_spacing_only_can_be_run(tmp_path):
+    plan = evac.Plan()
+    plan.storey("ground", shapely.box(0, 0, 6, 4))
+    plan.exit("exit", "ground", [(0, 1), (0, 1.9)])
+    plan.write(tmp_path / "room.plan.toml")
+    made = [import_building([tmp_path / "room.plan.toml"], tmp_path / f"{w}", spacing=w) for w in (0.3, 0.5)]
+    assert not made[0].fault
+    assert "directions.spacing: exit 'exit'" in made[1].fault
+
+
 def test_a_failed_import_leaves_nothing_in_the_way(room, tmp_path, monkeypatch):
     def fail(*given):
         raise BuildingError("fails")

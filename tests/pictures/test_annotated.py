@@ -87,9 +87,10 @@ def test_marks_and_findings_are_in_the_picture(building, tmp_path):
     assert "a door" not in text
 
 
-def test_doors_with_their_widths_and_areas_larger_than_their_names_are_named_in_the_picture(tmp_path):
+@pytest.mark.parametrize("length", [9, 400])
+def test_doors_wider_than_letters_and_areas_larger_than_their_names_are_named_in_the_picture(tmp_path, length):
     plan = Plan()
-    plan.storey("ground", [shapely.box(0, 0, 5, 4), shapely.box(5.2, 0, 9, 4)])
+    plan.storey("ground", [shapely.box(0, 0, 5, 4), shapely.box(5.2, 0, length, 4)])
     plan.door("inner", "ground", [(5.1, 1), (5.1, 1.95)])
     plan.area("hall", "ground", shapely.box(0, 0, 5, 4))
     plan.area("a cupboard under the stairs", "ground", shapely.box(8.6, 3.6, 9, 4))
@@ -98,7 +99,7 @@ def test_doors_with_their_widths_and_areas_larger_than_their_names_are_named_in_
     with mpl.rc_context({"svg.fonttype": "none"}):
         draw_levels(plan.building(need_exit=False), tmp_path / "a.svg")
     text = (tmp_path / "a.svg").read_text(encoding="utf-8")
-    assert [word in text for word in ("inner 0.95 m", "hall", "cupboard")] == [True, True, False]
+    assert [word in text for word in ("inner 0.95 m", "hall", "cupboard")] == [length == 9, length == 9, False]
 
 
 def test_a_finding_off_the_plan_is_marked_at_its_border(building):
