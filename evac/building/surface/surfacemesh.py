@@ -122,11 +122,11 @@ class SurfaceMesh:
             edge_tags.setdefault(tag, []).extend(
                 [row_of[tuple(one)], row_of[tuple(other)]] for one, other in pairwise(own)
             )
-        ends = np.cumsum([len(own) for own in pieces])
+        stops: list[int] = np.cumsum([len(own) for own in pieces]).tolist()
         cell_tags: dict[str, BoolArray] = {}
-        for (tags, *_), own, end in zip(drawn, pieces, ends.tolist(), strict=True):
+        for (tags, *_), own, stop in zip(drawn, pieces, stops, strict=True):
             for tag in tags:
-                cell_tags.setdefault(tag, np.zeros(len(triangles), np.bool_))[end - len(own) : end] = True
+                cell_tags.setdefault(tag, np.zeros(len(triangles), np.bool_))[stop - len(own) : stop] = True
         return cls(points, triangles, cell_tags, edge_tags, findings, openings, doors, uses or {})
 
 
