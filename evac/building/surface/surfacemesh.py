@@ -124,9 +124,9 @@ class SurfaceMesh:
             )
         stops: list[int] = np.cumsum([len(own) for own in pieces]).tolist()
         cell_tags: dict[str, BoolArray] = {}
-        for (tags, *_), own, stop in zip(drawn, pieces, stops, strict=True):
+        for (tags, *_), piece, stop in zip(drawn, pieces, stops, strict=True):
             for tag in tags:
-                cell_tags.setdefault(tag, np.zeros(len(triangles), np.bool_))[stop - len(own) : stop] = True
+                cell_tags.setdefault(tag, np.zeros(len(triangles), np.bool_))[stop - len(piece) : stop] = True
         return cls(points, triangles, cell_tags, edge_tags, findings, openings, doors, uses or {})
 
 
