@@ -258,7 +258,8 @@ def test_the_importer_registered_last_reads_a_file(tmp_path):
         registry.importer_for(Path("house.dxf"))
 
 
-def test_a_plugin_provides_all_of_its_cases(tmp_path):
+def test_a_plugin_provides_all_of_its_classes_and_cases(tmp_path, registry):
+    assert ([*registry.contact_models], [*registry.behaviours]) == (["soft", "hard"], ["wait", "follow"])
     folders = [tmp_path / name for name in ("hall", "tower")]
     for folder in folders:
         folder.mkdir()
