@@ -1,13 +1,12 @@
 """Requirements of the groups of a case: areas, levels and exits, routes and reference speeds."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import shapely
 
-from evac.base.arrays import FloatArray
+from evac.base.arrays import FloatArray, IndexArray
 from evac.base.defaults import LEAST_RADIUS
 from evac.base.distributions import Distribution
 from evac.base.errors import ScenarioError, counted, fault, plugin_code
@@ -182,13 +181,24 @@ def overlapping(crowd: Crowd) -> tuple[int, float]:
     for level in np.unique(crowd.level[crowd.level >= 0]):
         rows = np.flatnonzero(crowd.level == level)
         position, greatest = crowd.position[rows], float(greatest_extent(crowd, rows).max())
-        points = shapely.points(position)
-        near = shapely.STRtree(points).query(points, predicate="dwithin", distance=2.0 * greatest)
-        one, other = near[:, near[0] < near[1]]
-        apart = position[one] - position[other]
-        distance = np.hypot(*apart.T)
-        nx, ny = (apart / np.where(distance > 0.0, distance, 1.0)[:, None]).T
-        overlap = extent(crowd, rows[one], -nx, -ny) + extent(crowd, rows[other], nx, ny) - distance
-        pairs += int((overlap > ROUNDING).sum())
-        deepest = max(deepest, float(overlap.max(initial=0.0)))
+        for one, other in _pairs_in_cells(position, 2.0 * greatest):
+            apart = position[one] - position[other]
+            distance = np.hypot(*apart.T)
+            nx, ny = (apart / np.where(distance > 0.0, distance, 1.0)[:, None]).T
+            overlap = extent(crowd, rows[one], -nx, -ny) + extent(crowd, rows[other], nx, ny) - distance
+            pairs += int((overlap > ROUNDING).sum())
+            deepest = max(deepest, float(overlap.max(initial=0.0)))
     return pairs, deepest
+
+
+def _pairs_in_cells(position: FloatArray, size: float) -> Iterator[tuple[IndexArray, IndexArray]]:
+    """Yield the pairs of places (n, 2) in the same or adjacent square cells, those in a column and in the next one."""
+    column, row = (np.floor((position - position.min(axis=0)) / size).astype(np.int64) + 1).T
+    rows = int(row.max()) + 2  # one of them empty, between two columns
+    cell = column * rows + row
+    order = np.argsort(cell, kind="stable")
+    cell, number = cell[order], np.arange(len(cell))
+    for first, last in ((number + 1, cell + 1), (np.searchsorted(cell, cell + rows - 1), cell + rows + 1)):
+        many = np.searchsorted(cell, last, side="right") - first
+        one = np.repeat(number, many)
+        yield order[one], order[np.arange(len(one)) + (first - np.cumsum(many) + many)[one]]

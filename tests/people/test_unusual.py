@@ -42,3 +42,12 @@ def test_overlaps_at_the_start_are_counted_by_level():
     assert re.search("^2 pairs .* 0.10 m", unusual(crowd, group(crowd))[0])
     crowd.contact_radius[:] = 0.14  # of the bodies that touch
     assert overlapping(crowd) == (0, 0.0)
+
+
+def test_every_pair_that_overlaps_is_found():
+    random = np.random.default_rng(5)
+    position, radius = random.uniform(-3.0, 3.0, (200, 2)), random.uniform(0.1, 0.3, 200)
+    crowd = make_crowd(position, radius=radius, speed=1.3)
+    one, other = np.triu_indices(200, 1)
+    overlap = radius[one] + radius[other] - np.hypot(*(position[one] - position[other]).T)
+    assert overlapping(crowd) == ((overlap > 0.0).sum(), pytest.approx(overlap.max()))
