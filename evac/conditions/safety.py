@@ -17,7 +17,7 @@ from evac.building.model.building import Area, Building
 from evac.building.model.cells import CellIndex, LevelField, cell_at
 from evac.conditions.dose import dose_rates, irritant_concentration, irritant_scale
 from evac.conditions.source import IRRITANTS, QUANTITIES
-from evac.jit import FloatGrid, Floats, Longs, Struct, Triples, kernel
+from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Longs, Struct, Triples, kernel
 from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
@@ -222,8 +222,16 @@ class Safety(Saved):
             np.array([[level in levels for level in numbers] for levels in of], np.bool_)
             for of in ([one.levels for one in self.compartments], [one.stairs for one in self.compartments])
         )
-        self._has_areas, self._places = any(one.areas for one in self.compartments), b""
-        self._everybody = np.array([[one.everybody] for one in self.compartments])
+        self._presence = Presence(
+            on=self._on.view(np.uint8),
+            on_stairs=self._on_stairs.view(np.uint8),
+            everybody=np.array([one.everybody for one in self.compartments], np.uint8),
+            leaves=np.zeros(n, np.uint8),
+            in_areas=np.zeros((number, n), np.uint8),
+            seen=self._seen.view(np.uint8),
+            belongs=self._belongs.view(np.uint8),
+            left=self.left,
+        )
         self._check_quantities()
         parts = tuple((one.levels, one.areas, one.without) for one in self.compartments)
         if parts not in known:
@@ -344,32 +352,19 @@ class Safety(Saved):
 
     def look(self, time: float, arrived: BoolArray, doses: FloatArray | None) -> None:
         """Look at the people at a time [s], with those who are at a safe place (n,) and the doses (2, n) of all."""
-        crowd = self._crowd
-        places = b"" if self._has_areas else crowd.level.tobytes() + arrived.tobytes()
-        if self._has_areas or places != self._places:
-            self._look_who_left(time, arrived)
-        self._places = places
+        crowd, presence = self._crowd, self._presence
+        for own, one in zip(presence.in_areas, self.compartments, strict=True):
+            own[:] = 0
+            for area in one.areas:
+                here = np.flatnonzero(crowd.level == area.level)
+                own[here] |= shapely.intersects_xy(area.polygon, *crowd.position[here].T)
+        presence.leaves[:] = self._leaves & ~arrived
+        look_who_left(crowd, presence, time)
         if self._can_be_met:
             find_times(crowd, self._floors.number.index, self._margins)
             if doses is not None:
                 self._count_doses(time, doses)
             note_margins(self._margins, time)
-
-    def _look_who_left(self, time: float, arrived: BoolArray) -> None:
-        """Look who of the people inside has come into compartments and left them."""
-        inside = np.flatnonzero(self._crowd.level >= 0)
-        level, position = self._crowd.level[inside], self._crowd.position.take(inside, 0)
-        present, here, is_new = np.zeros(self.left.shape, np.bool_), self._on.take(level, 1), ~self._seen[inside]
-        for own, one in zip(here, self.compartments, strict=True):
-            for area in one.areas:
-                rows = np.flatnonzero(level == area.level)
-                own[rows] |= shapely.intersects_xy(area.polygon, *position[rows].T)
-        self._belongs[:, inside] |= here & (is_new | self._everybody)
-        present[:, inside] = here & (self._belongs[:, inside] | self._on_stairs.take(level, 1))
-        self._seen[inside] = True
-        present &= self._leaves & ~arrived
-        self.left[present] = np.inf
-        self.left[~present & np.isinf(self.left)] = time
 
     def _count_doses(self, time: float, doses: FloatArray) -> None:
         """Let criteria be met earlier where the doses (2, n) of people at a time [s] will have reached a limit."""
@@ -445,6 +440,39 @@ def _note(
     else:
         share = (edge - before[new]) / (now[new] - before[new])
         first[new] = previous + np.clip(share, 0.0, 1.0) * (time - previous)
+
+
+class Presence(Struct):
+    """Which compartments people belong to, are in, and have left."""
+
+    on: ByteGrid  # (compartments, levels) 1: the compartment has this level
+    on_stairs: ByteGrid  # (compartments, levels) 1: it is one of its stairs, to which all on them belong
+    everybody: Bytes  # (compartments,) 1: all who come into it belong to it, not only those who start there
+    leaves: Bytes  # (n,) 1: is to leave, and is not at a safe place
+    in_areas: ByteGrid  # (compartments, n) 1: is in one of its areas
+    seen: Bytes  # (n,) 1: has been inside
+    belongs: ByteGrid  # (compartments, n)
+    left: FloatGrid  # (compartments, n) time [s]; inf of those who are there, NaN of those who have never been
+
+
+@kernel
+def look_who_left(crowd: Crowd, presence: Presence, time: float) -> None:
+    """Look who of the people has come into compartments and left them."""
+    for p in range(len(crowd.level)):
+        at = crowd.level[p]
+        for k in range(len(presence.everybody)):
+            is_present = False
+            if at >= 0 and (presence.on[k, at] != 0 or presence.in_areas[k, p] != 0):
+                if presence.everybody[k] != 0 or presence.seen[p] == 0:
+                    presence.belongs[k, p] = 1
+                belongs = presence.belongs[k, p] != 0 or presence.on_stairs[k, at] != 0
+                is_present = presence.leaves[p] != 0 and belongs
+            if is_present:
+                presence.left[k, p] = math.inf
+            elif presence.left[k, p] == math.inf:
+                presence.left[k, p] = time
+        if at >= 0:
+            presence.seen[p] = 1
 
 
 class Margins(Struct):

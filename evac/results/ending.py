@@ -370,16 +370,17 @@ class Ending(Saved):
         inside = np.flatnonzero((crowd.level >= 0) & self._leaves & ~self._arrived & ~self._stopped)
         if not len(inside):
             return False
-        place = crowd.route[inside], inside
+        route, start = crowd.route.take(inside), crowd.start_time.take(inside)
         remaining = fields.travel_time_at(
-            crowd.level[inside], crowd.position.take(inside, 0), crowd.route[inside], crowd.contact_radius[inside]
+            crowd.level.take(inside), crowd.position.take(inside, 0), route, crowd.contact_radius.take(inside)
         )
-        waits = crowd.start_time[inside] > time
+        least = self._least[route, inside]
+        waits = start > time
         with np.errstate(invalid="ignore"):  # inf - inf where no exit can be reached: no gain
-            gain = np.fmax(self._least[place] - remaining, 0.0)
-        gained = np.maximum(self._gained[inside] - self._decay, 0.0) + gain
+            gain = np.fmax(least - remaining, 0.0)
+        gained = np.maximum(self._gained.take(inside) - self._decay, 0.0) + gain
         progresses = waits | (gained > PROGRESS)
-        self._least[place] = np.where(waits, remaining, np.minimum(self._least[place], remaining))
+        self._least[route, inside] = np.where(waits, remaining, np.minimum(least, remaining))
         self._gained[inside] = np.where(progresses, 0.0, gained)
         self._progress_at[inside[progresses]] = time
         latest = max(self._progress_at.max(), np.nanmax(crowd.exit_time, initial=0.0))

@@ -153,9 +153,10 @@ class Recording:
     def record(self, simulation: "Simulation") -> None:
         """Check that the files exist, then call every recorder."""
         self.check_files()
-        for recorder in self.recorders:
-            with reading(simulation, f"t = {simulation.time:.3f} s: recorder {recorder.name!r}", recorder):
-                recorder.record(simulation)
+        with read_only(simulation):
+            for recorder in self.recorders:
+                with plugin_code(f"t = {simulation.time:.3f} s: recorder {recorder.name!r}", recorder, READ):
+                    recorder.record(simulation)
 
     def finish(
         self, simulation: "Simulation", registry: "Registry", results: "Results | None", error: BaseException | None
@@ -324,14 +325,20 @@ def _truncated(folder: Path, files: Mapping[str, int]) -> Iterator[None]:
 @contextmanager
 def reading(simulation: "Simulation", what: str, plugin: Any) -> Iterator[None]:
     """Run code of a plugin that only reads a simulation, whose arrays are read-only within the context."""
+    with read_only(simulation), plugin_code(what, plugin, READ):
+        yield
+
+
+@contextmanager
+def read_only(simulation: "Simulation") -> Iterator[None]:
+    """Make the arrays of a simulation read-only within the context."""
     arrays = [*simulation.population.crowd.values().values(), simulation.displacement_velocity]
     arrays = [array for array in arrays if array.flags.writeable]
     simulation.population.is_read_only = True
     for array in arrays:
         array.flags.writeable = False
     try:
-        with plugin_code(what, plugin, READ):
-            yield
+        yield
     finally:
         simulation.population.is_read_only = False
         for array in arrays:

@@ -107,11 +107,11 @@ class TrajectoryWriter:
         rows = np.flatnonzero(crowd.level >= 0)
         motion = np.empty((rows.size, self._of_person[3].list_size), "<f4")
         with np.errstate(over="ignore"):  # reported below
-            motion[:, :2] = crowd.position[rows] - self._origin
-            motion[:, 2:4] = velocity[rows]
-            motion[:, 4] = crowd.contact_force[rows]
+            motion[:, :2] = crowd.position.take(rows, 0) - self._origin
+            motion[:, 2:4] = velocity.take(rows, 0)
+            motion[:, 4] = crowd.contact_force.take(rows)
             if dose is not None:
-                motion[:, 5] = dose[rows]
+                motion[:, 5] = dose.take(rows)
             values = [field.values.astype("<f4") for field in fields]
         if not np.isfinite(motion).all():
             row, column = np.argwhere(~np.isfinite(motion))[0]
@@ -124,10 +124,10 @@ class TrajectoryWriter:
                 raise SimulationError(
                     f"t = {time:.3f} s: a value of field {field.name!r} is too large to be recorded; use another unit"
                 )
-        started = crowd.start_time[rows] <= time
+        started = crowd.start_time.take(rows) <= time
         if standing is not None:
-            started &= ~standing[rows]
-        whole = [np.asarray(of, kind) for of, kind in zip((rows, crowd.level[rows]), self._whole, strict=True)]
+            started &= ~standing.take(rows)
+        whole = [np.asarray(of, kind) for of, kind in zip((rows, crowd.level.take(rows)), self._whole, strict=True)]
         people = [*whole, np.packbits(started, bitorder="little"), motion]
         text = json.dumps([change.as_row() for change in changes]).encode() if changes else b""
         with writing(f"the trajectory at {time:.3f} s", self.path):
