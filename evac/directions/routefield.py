@@ -65,17 +65,17 @@ class RouteField(Saved):
         of_widths, nothing = marched.classes[of_class], np.zeros(0, np.int64)
         blocked = of_widths.blocked[index] if of_widths.blocked else nothing
         elsewhere = of_widths.elsewhere.get(index, nothing)
-        ways = make_ways(grids, base.copy())
-        ways.cost[blocked] = ways.cost[elsewhere] = math.inf
-        present = routes_at_present(marched.building, fields.routes)[index]
-        problem = Problem.of(grids.building, present, marched.rates[index], self._factor)
-        self.march = CompiledMarch(grids, problem, ways, gates.at, hesitation)
+        ways = make_ways(grids, base)
         # Nodes from which no exit of the route can be reached keep their values, and those from which no way is wide
         # enough for the bodies take those of the class below.
         elsewhere, blocked = (of[np.isin(ways.level_of[of], list(self._places))] for of in (elsewhere, blocked))
-        to = self._in_fields(elsewhere)
+        to, narrow = (of + self._shift[ways.level_of[of]] for of in (elsewhere, blocked))
         self._elsewhere = to, base[elsewhere], direction[to]
-        self._blocked = None if lower is None else (self._in_fields(blocked), lower._in_fields(blocked))
+        self._blocked = None if lower is None else (narrow, lower._in_fields(blocked))
+        base[blocked] = base[elsewhere] = math.inf
+        present = routes_at_present(marched.building, fields.routes)[index]
+        problem = Problem.of(grids.building, present, marched.rates[index], self._factor)
+        self.march = CompiledMarch(grids, problem, ways, gates.at, hesitation)
         tell(PREPARING, 1, 3)
         self.speed = np.ones(grids.size)
         self._at_once = self.waves.jump_time.copy()

@@ -222,7 +222,7 @@ def tower(storeys):
     for k in range(storeys - 1):
         up = drawing.level((6, 0, 9, 2), uphill=(1.0, 0.0), slope=0.4636, z=3.0 * k)
         landing = drawing.level((9, 0, 11, 4), z=3.0 * k + 1.5)
-        on = drawing.level((6, 2, 9, 4), uphill=(-1.0, 0.0), slope=0.4636, z=3.0 * k + 1.5)
+        on = drawing.level((6, 2, 9, 4), uphill=(-1.0, 0.0), slope=0.4636 + 1e-15 * k, z=3.0 * k + 1.5)
         for one, other, x, y in (
             (floors[k], up, 6, 0),
             (up, landing, 9, 0),

@@ -44,7 +44,8 @@ def first_car(building: Building) -> int:
 class CompiledMarch(Solver):
     """The solver of fields that change during a run, by a wave through all levels.
 
-    The march begins near the ends of ways, at nodes whose times are those of `ways.cost`, which the other solver found.
+    The march begins near the ends of ways, at nodes whose times are those of `ways.cost`, which the other solver found,
+    and which it changes.
     Nodes are solved again if they are `solved` (nodes,); times, next gates and exits are in `waves`. Levels that were
     not solved to their end are `stale`. The way to another exit must be shorter by the time `hesitation` [s];
     `gate_at` (nodes,) is the gate whose line a node is on, -1 for none.
@@ -61,6 +62,7 @@ class CompiledMarch(Solver):
             if isinstance(end, Area):
                 starts[grids.around(end)[0]] = True
         starts &= joins
+        ways.cost[~joins] = math.inf
         self.solved = joins & ~starts
         self.stale: set[int] = set()
         self.waves = self._make_waves(ways, joins, gate_at, hesitation)
@@ -97,8 +99,8 @@ class CompiledMarch(Solver):
             slowness=problem.slowness,
             factor=problem.factor.copy(),
             spacing=grids.lattice.spacing,
-            state=np.where(joins, FINAL, APART).astype(np.uint8),
-            time=np.where(joins, ways.cost, math.inf),
+            state=np.where(joins, np.uint8(FINAL), np.uint8(APART)),
+            time=ways.cost,
             exit=nobody,
             label=label,
             gate_at=gate_at,
@@ -146,11 +148,11 @@ class CompiledMarch(Solver):
     def keep_links(self) -> None:
         """Keep the next link on the way from each node; from now on times are those to it plus its time now."""
         waves = self.waves
-        links, nodes = waves.gate_at, np.arange(len(waves.before))
-        after = np.where(waves.before >= 0, waves.before, nodes)
-        after = np.where(after == waves.twin, np.where(waves.before[after] >= 0, waves.before[after], after), after)
-        leads_through = self.solved & (links >= 0) & (links < self.grids.building.n_links)
-        lines = np.flatnonzero(leads_through & (waves.level_of[after] != waves.level_of))
+        links, before = waves.gate_at, waves.before
+        nodes = np.flatnonzero(self.solved & (links >= 0) & (links < self.grids.building.n_links))
+        after = np.where(before[nodes] >= 0, before[nodes], nodes)
+        after = np.where((after == waves.twin[nodes]) & (before[after] >= 0), before[after], after)
+        lines = nodes[waves.level_of[after] != waves.level_of[nodes]]
         self.solved[lines] = False
         waves.exit[:] = -1
         ends = np.flatnonzero((waves.state == FINAL) & ~self.solved)
