@@ -26,9 +26,7 @@ def figure_of(number):
 def test_generators_depend_on_kind_seed_and_name_alone(tmp_path):
     draws = {
         (kind, seed, name): Evidence(kind, tmp_path, seed=seed).generator(name).random()
-        for kind in ("lean", "table3")
-        for seed in (1, 2)
-        for name in ("a", "b")
+        for kind, seed, name in (("lean", 1, "a"), ("lean", 1, "b"), ("lean", 2, "a"), ("table3", 1, "a"))
     }
     assert len(set(draws.values())) == len(draws)
     assert Evidence("lean", tmp_path, quick=True, seed=1).generator("a").random() == draws["lean", 1, "a"]

@@ -10,7 +10,9 @@ from tests.importing.strangers.judge import REFUSED, RIGHT, VERDICTS, judge
 WANTED = dict.fromkeys(FORMATS, 19) | {"fds": 15}
 
 
-@pytest.mark.parametrize(("name", "seed"), [("osm", 2), ("fds", 1), ("imdf", 9606), ("stl", 9600)])
+@pytest.mark.parametrize(
+    ("name", "seed"), [("osm", 2), ("fds", 1), ("imdf", 9606), pytest.param("stl", 9600, marks=pytest.mark.slow)]
+)
 def test_a_stranger_is_right(tmp_path, name, seed):
     assert judge(FORMATS[name](seed, tmp_path), tmp_path / "case") == (RIGHT, [])
 

@@ -136,12 +136,12 @@ PLAN_VALUES = (
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("value", PLAN_VALUES, ids=range(len(PLAN_VALUES)))
 @pytest.mark.parametrize("section", PLAN)
-@pytest.mark.parametrize("part", [0, pytest.param(1, marks=pytest.mark.slow), pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("part", [0, *(pytest.param(part, marks=pytest.mark.slow) for part in range(1, 8))])
 def test_a_plan_makes_a_building_or_each_line_of_its_refusal_names_the_file(section, value, part, tmp_path):
-    """A third of the values of each key, others for each key, and the other thirds if one has time."""
+    """One of eight values of each key, others for each key, and the other ones if one has time."""
     assert set(PLAN) <= set(SECTIONS)
     for index, one in enumerate(PLAN[section]):
-        for key in (*one, *FURTHER.get(section, ()))[(PLAN_VALUES.index(value) + part) % 3 :: 3]:
+        for key in (*one, *FURTHER.get(section, ()))[(PLAN_VALUES.index(value) + part) % 8 :: 8]:
             table = copy.deepcopy(PLAN)
             table[section][index][key] = value
             try:

@@ -27,7 +27,7 @@ def test_nobody_is_lost(kind, seed, tmp_path_factory):
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("seed", [18118, 18164, 18762])
+@pytest.mark.parametrize("seed", [18118, 18164, pytest.param(18762, marks=pytest.mark.slow)])
 def test_nobody_is_lost_where_somebody_once_was(seed, tmp_path):
     check(seed, tmp_path)
 

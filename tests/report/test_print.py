@@ -26,7 +26,7 @@ def page(finished):
     return run_report(finished)
 
 
-@pytest.fixture(scope="module", params=["fonts of the machine", "no fonts"])
+@pytest.fixture(scope="module", params=[pytest.param("fonts of the machine", marks=pytest.mark.slow), "no fonts"])
 def printed(request, page, tmp_path_factory):
     """The pages of a report, printed by Chromium."""
     pdf = pytest.importorskip("pypdfium2")

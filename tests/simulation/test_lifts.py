@@ -325,7 +325,7 @@ def test_a_car_takes_people_up_to_their_goals_while_others_go_down():
 
 
 #: Spacing, and times while they walk to the lift, board, and ride.
-@pytest.mark.parametrize(("spacing", "at"), [(0.1, 30.0), (0.15, 9.0), (0.2, 3.0), (0.3, 30.0)])
+@pytest.mark.parametrize(("spacing", "at"), [(0.15, 9.0), (0.2, 3.0), (0.3, 30.0)])
 def test_who_rides_up_as_the_lift_goes_out_of_service_gets_out_and_takes_the_stairs(spacing, at):
     plan = tower((0.0, 4.0), stair=True, speed=0.2)
     plan.area("post", "s1", box(1, 4, 3, 6))
