@@ -24,24 +24,7 @@ from evac.building.geometry import lines_of, place_of, segment_lengths
 from evac.building.importer import Importer, optional_library
 from evac.building.model.findings import numbered
 from evac.building.plan.plan import Plan
-from evac.building.recover.drawings import (
-    APART,
-    LARGEST_SWING,
-    LEAST_PLAN,
-    RADII,
-    DrawnFlight,
-    DrawnStair,
-    Swing,
-    add_fitting,
-    doors_of,
-    flights_of,
-    plans_of,
-    stairs_of,
-    swing_of,
-    unit_of,
-    use_of,
-    walls_by_spacing,
-)
+from evac.building.recover import drawings
 from evac.building.recover.linework import THICKEST_WALL, Rooms, faces_of, reaching, rooms_of
 from evac.building.surface.resolution import LARGEST, SMALLEST, helpful_factor
 
@@ -159,13 +142,13 @@ class DxfImporter(Importer):
             raise BuildingError(f"{path}: {_no_floor(document)}{lost}")
         arcs = [shape for shape in shapes if shape.is_curve and shape.use != "stairs"]
         arcs = [shape for shape in arcs if shape.use == "doors"] or arcs
-        swings = [swing for shape in arcs if (swing := swing_of(_corners(shape, 0.0))) is not None]
+        swings = [swing for shape in arcs if (swing := drawings.swing_of(_corners(shape, 0.0))) is not None]
         radii = np.array([swing.radius for swing in swings])
         unit = self._metres(plan, document, shapes, radii)
         try:
             return self._planned(plan, document, shapes, texts, unit, has_floor, left_out)
         except NothingEnclosedError:
-            for other in () if self.unit or unit_of(radii, [unit]) else DOUBTED:
+            for other in () if self.unit or drawings.unit_of(radii, [unit]) else DOUBTED:
                 again = Plan(path)
                 again.findings = [one for one in plan.findings if not one.text.startswith("1 unit is")]
                 with suppress(ValueError, BuildingError):
@@ -268,7 +251,7 @@ class DxfImporter(Importer):
         given = self._given_use(layer)
         if given:
             return given
-        use, around = use_of(layer), [use_of(name) for name in blocks]
+        use, around = drawings.use_of(layer), [drawings.use_of(name) for name in blocks]
         if "left out" in (use, *(around if not use else ())):
             return "left out"
         use = "windows" if "windows" in around else use or next((one for one in around if one), "")
@@ -296,7 +279,7 @@ class DxfImporter(Importer):
         unit = said if factor is None else said * factor
         if SMALLEST <= extent <= LARGEST and factor is not None:
             unit = 1.0
-        by_doors = unit_of(radii, [unit, *DOUBTED])
+        by_doors = drawings.unit_of(radii, [unit, *DOUBTED])
         if by_doors is not None and by_doors != unit:
             unit = by_doors
             radius = float(np.median(radii))
@@ -321,12 +304,12 @@ class DxfImporter(Importer):
     def _add_plans(self, plan: Plan, drawn: "list[Drawn]") -> None:
         """Add a storey for each plan of a drawing, from its walls."""
         built = [one for one in drawn if one.use in ("walls", "windows", "doors")]
-        grounds = plans_of([one.line for one in built])
+        grounds = drawings.plans_of([one.line for one in built])
         owned = [[one for one in drawn if one.line.intersects(ground)] for ground in grounds]
         area = shapely.union_all(grounds)
         shapely.prepare(area)
         few = [one for one in built if not area.intersects(one.line)]
-        text = f"lines apart from the plans, with less than {LEAST_PLAN:.0%} of the walls of the largest one"
+        text = f"lines apart from the plans, with less than {drawings.LEAST_PLAN:.0%} of the walls of the largest one"
         lost = self._rooms_in(few)[0] if any(one.use == "doors" for one in few) else None
         is_lost = lost is not None and lost.floor.area > NEGLIGIBLE * area.area
         _note_lines(plan, "missing" if is_lost else "left out", few, text, area)
@@ -334,7 +317,7 @@ class DxfImporter(Importer):
             rooms = [self._rooms_in(own)[0] for own in owned]
             closed = [row for row, one in enumerate(rooms) if one is not None and not one.floor.is_empty]
             for row in {*range(len(grounds))} - {*closed} if closed else ():
-                x1, y1, x2, y2 = grounds[row].buffer(-APART / 2).bounds
+                x1, y1, x2, y2 = grounds[row].buffer(-drawings.APART / 2).bounds
                 text = f"lines on {x2 - x1:.1f} x {y2 - y1:.1f} m apart from the others enclose no room"
                 is_storey = any(one.use in ("doors", "stairs") for one in owned[row])
                 kind, more = ("missing", "; close its walls") if is_storey else ("left out", "")
@@ -365,17 +348,23 @@ class DxfImporter(Importer):
             self._add_items(plan, own, name)
         _add_stairs(plan, storeys)
 
-    def _rooms_in(self, drawn: "list[Drawn]") -> "tuple[Rooms | None, list[BaseGeometry], list[tuple[Drawn, Swing]]]":
+    def _rooms_in(
+        self, drawn: "list[Drawn]"
+    ) -> "tuple[Rooms | None, list[BaseGeometry], list[tuple[Drawn, drawings.Swing]]]":
         """Return the rooms between walls and doors, None without walls, lines of walls, and arcs that are no doors."""
         walls = [one for one in drawn if one.use == "walls" and (one.is_solid or not one.is_fill)]
         arcs = [one for one in drawn if one.is_curve and one.use not in ("windows", "stairs")]
         arcs = [arc for arc in arcs if arc.use == "doors"] or arcs
-        swung = [(arc, swing) for arc in arcs if (swing := swing_of(shapely.get_coordinates(arc.line))) is not None]
+        swung = [
+            (arc, swing) for arc in arcs if (swing := drawings.swing_of(shapely.get_coordinates(arc.line))) is not None
+        ]
         swings = [swing for _, swing in swung]
         panes = [one for one in drawn if one.use == "windows"]
         leaves = [side for one in drawn if not one.is_curve and one.use != "stairs" for side in one.sides]
-        small = {id(arc) for arc, swing in swung if swing.radius <= LARGEST_SWING}
-        doors, swings = doors_of(swings, [one.line for one in (*walls, *panes) if id(one) not in small], leaves)
+        small = {id(arc) for arc, swing in swung if swing.radius <= drawings.LARGEST_SWING}
+        doors, swings = drawings.doors_of(
+            swings, [one.line for one in (*walls, *panes) if id(one) not in small], leaves
+        )
         hung = [id(swing.ends) for swing in swings]
         lost = [(arc, swing) for arc, swing in swung if arc.use == "doors" and id(swing.ends) not in hung]
         treads = [flight.ground.buffer(CLOSED) for flight in _flights_in(drawn)]
@@ -400,7 +389,7 @@ class DxfImporter(Importer):
         for arc, swing in lost:
             text = f"an arc on {arc.layer!r} with a radius of {swing.radius:.2f} m"
             is_inside = swing.sector.intersection(floor).area > 0.5 * swing.sector.area
-            if is_inside or not RADII[0] <= swing.radius <= RADII[1]:
+            if is_inside or not drawings.RADII[0] <= swing.radius <= drawings.RADII[1]:
                 kind, text = "left out", f"{text} is at no wall" if is_inside else f"{text} is no door"
             else:
                 kind, text = "missing", f"{text} is a door at no wall: move it there, or to a layer for something else"
@@ -417,10 +406,10 @@ class DxfImporter(Importer):
             plan.note("left out", text, storey, place_of(face))
         plan.note("assumed", f"walls drawn as one line between two rooms are {self.wall:g} m thick (wall)", storey)
         outlines = shapely.get_parts(shapely.get_exterior_ring(shapely.get_parts(rooms.floor)))
-        first, *others = plans_of([*lines, *outlines], THICKEST_WALL)
+        first, *others = drawings.plans_of([*lines, *outlines], THICKEST_WALL)
         for other in others:
             text = f"a plan {other.distance(first) + THICKEST_WALL:.1f} m from another one that nothing joins"
-            remedy = f"if it is another storey, move it in the drawing to more than {APART:g} m from the other"
+            remedy = f"if it is another storey, move it in the drawing to more than {drawings.APART:g} m from the other"
             plan.note("warning", f"{text} is on the same storey; {remedy}", storey, place_of(other))
         self._add_rooms(plan, storey, rooms, z, drawn)
         for number, ends in enumerate(rooms.doors.reshape(-1, 2, 2), start=1):
@@ -558,7 +547,7 @@ def _with_walls(plan: Plan, drawn: list[Drawn]) -> list[Drawn]:
     for one in drawn:
         if not one.use and not one.is_curve:
             unknown.setdefault(one.layer, []).extend(one.sides)
-    walls = walls_by_spacing(unknown)
+    walls = drawings.walls_by_spacing(unknown)
     for layer, why in walls.items():
         plan.note("assumed", f"layer {layer!r}: {why} (walls)")
     return [replace(one, use="walls") if not one.use and one.layer in walls else one for one in drawn]
@@ -578,16 +567,16 @@ def _move_above(lower: Sequence[Drawn], upper: Sequence[Drawn]) -> tuple[FloatAr
     return np.round(moves[best], 6), shares[best]
 
 
-def _flights_in(drawn: Sequence[Drawn]) -> list[DrawnFlight]:
-    return flights_of([side for one in drawn if one.use not in ("windows", "doors") for side in one.sides])
+def _flights_in(drawn: Sequence[Drawn]) -> list[drawings.DrawnFlight]:
+    return drawings.flights_of([side for one in drawn if one.use not in ("windows", "doors") for side in one.sides])
 
 
 def _add_stairs(plan: Plan, storeys: Mapping[str, Sequence[Drawn]]) -> None:
     """Add the stairs that are drawn in plans to the one above; propose what may be none, or does not fit."""
     drawn = {}
     for name, own in storeys.items():
-        drawn[name] = stairs_of(_flights_in(own), [one.line for one in own if one.use == "walls"])
-    added: dict[str, tuple[DrawnStair, str, str]] = {}
+        drawn[name] = drawings.stairs_of(_flights_in(own), [one.line for one in own if one.use == "walls"])
+    added: dict[str, tuple[drawings.DrawnStair, str, str]] = {}
     for lower, upper in itertools.zip_longest(storeys, [*storeys][1:]):
         below = [stair for stair, _, top in added.values() if top == lower]
         for stair in drawn[lower]:
@@ -606,7 +595,7 @@ def _add_stairs(plan: Plan, storeys: Mapping[str, Sequence[Drawn]]) -> None:
         name: partial(plan.stair, name, lower, stair.foot, upper, stair.head, **stair.turn)
         for name, (stair, lower, upper) in added.items()
     }
-    faults = add_fitting(plan, adding)
+    faults = drawings.add_fitting(plan, adding)
     for name, (stair, lower, upper) in added.items():
         place = place_of(stair.ground)
         if name in faults:
@@ -618,7 +607,7 @@ def _add_stairs(plan: Plan, storeys: Mapping[str, Sequence[Drawn]]) -> None:
             plan.note("assumed", text, lower, place)
 
 
-def _propose(plan: Plan, stair: DrawnStair, lower: str, upper: str, kind: str, text: str) -> None:
+def _propose(plan: Plan, stair: drawings.DrawnStair, lower: str, upper: str, kind: str, text: str) -> None:
     """Write a stair with marks of a comment into the plan."""
     name = f"drawn stair {len(plan.proposals) + 1}"
     more = f"to add it, remove the marks # of {name!r} at the end of building.plan.toml"

@@ -24,21 +24,8 @@ from evac.building.importer import Importer
 from evac.building.model.findings import numbered
 from evac.building.plan.outlines import distinct, geometries, with_walls
 from evac.building.plan.plan import Plan
+from evac.building.recover import indoormaps
 from evac.building.recover.drawings import add_fitting
-from evac.building.recover.indoormaps import (
-    BESIDE,
-    OSM,
-    PROFILES,
-    MapDoor,
-    Steps,
-    Storey,
-    at_wall,
-    door_at,
-    laid,
-    pieces_of,
-    profile_of,
-    read_map,
-)
 from evac.building.recover.linework import LEAST_CABIN, LEAST_ROOM, door_sides, hull_of, leads_out
 from evac.building.recover.openstreetmap import features_of
 
@@ -98,11 +85,11 @@ class GeojsonImporter(Importer):
             return _plan_of_features(documents[0]["features"], path)
         objects = [item for document in documents for item in _objects(document)]
         names = {name for item in objects for name in _properties(item)}
-        profile = OSM if is_xml else "" if "kind" in names else profile_of(names)
+        profile = indoormaps.OSM if is_xml else "" if "kind" in names else indoormaps.profile_of(names)
         if not profile and names and not {name.lower() for name in names} & (KNOWN | LABELS):
             raise BuildingError(
                 f"{path}: features have the properties {', '.join(sorted(names)[:12])}, which are not those of evac "
-                f"nor of {', '.join(PROFILES)}; give every feature a kind ({', '.join(KINDS)}) and a storey"
+                f"nor of {', '.join(indoormaps.PROFILES)}; give every feature a kind ({', '.join(KINDS)}) and a storey"
             )
         features = [_feature(number, item, profile) for number, item in enumerate(objects, start=1)]
         if not features:
@@ -128,7 +115,7 @@ class GeojsonImporter(Importer):
             labels = ({key: item[key] for key in ("id", "feature_type") if key in item} for item in objects)
             own = [{**_properties(item), **of} for item, of in zip(objects, labels, strict=True)]
             shapes = [one.shape for one in features]
-            storeys, steps, nowhere = read_map(profile, [*zip(own, shapes, strict=True)])
+            storeys, steps, nowhere = indoormaps.read_map(profile, [*zip(own, shapes, strict=True)])
             plan.note("found", f"{len(features)} features", element="feature", number=len(features))
             self._add_map(plan, storeys, steps, nowhere)
             _note_lost(plan, nowhere)
@@ -146,8 +133,8 @@ class GeojsonImporter(Importer):
     def _add_map(
         self,
         plan: Plan,
-        storeys: Sequence[Storey],
-        steps: Sequence[Steps],
+        storeys: Sequence[indoormaps.Storey],
+        steps: Sequence[indoormaps.Steps],
         nowhere: list[tuple[str, BaseGeometry]],
     ) -> None:
         """Add the storeys and stairs of an indoor map, and to what is on no storey what is left out of them."""
@@ -159,7 +146,7 @@ class GeojsonImporter(Importer):
         flights = []
         for one in steps:
             low, up = (named[name] for name in one.levels)
-            flights.append(pieces_of(laid(one, low, up, heights[up.name] - heights[low.name])))
+            flights.append(indoormaps.pieces_of(indoormaps.laid(one, low, up, heights[up.name] - heights[low.name])))
         for one, (edges, landings) in zip(steps, flights, strict=True):
             pieces = [shapely.MultiPoint(edge.reshape(-1, 2)).convex_hull for edge in edges]
             for name in one.levels:
@@ -181,15 +168,17 @@ class GeojsonImporter(Importer):
             if not one.is_directed:
                 plan.note("assumed", f"stair {name!r} ascends in the order of its points", one.levels[0])
 
-    def _add_level(self, plan: Plan, storey: Storey, z: float, outside: str) -> list[tuple[str, BaseGeometry]]:
+    def _add_level(
+        self, plan: Plan, storey: indoormaps.Storey, z: float, outside: str
+    ) -> list[tuple[str, BaseGeometry]]:
         """Add one storey of an indoor map; return what is left out. Its rooms have walls if most of them have doors."""
         solid = shapely.union_all([*storey.solids, *storey.steps])
         rooms = [shape for _, shape in storey.rooms]
-        has_walls = 2 * sum(room.dwithin(storey.outlets, BESIDE) for room in rooms) >= len(rooms) > 0
+        has_walls = 2 * sum(room.dwithin(storey.outlets, indoormaps.BESIDE) for room in rooms) >= len(rooms) > 0
         spaces = storey.spaces() if has_walls else [shapely.union_all([*storey.ways, *rooms])]
         parts = [one for space in spaces for one in shapely.get_parts(flat_parts(space.difference(solid)))]
         parts = [one for one in parts if one.area > LEAST_CABIN]
-        small = [one for one in parts if one.area < LEAST_ROOM and not one.dwithin(storey.outlets, BESIDE)]
+        small = [one for one in parts if one.area < LEAST_ROOM and not one.dwithin(storey.outlets, indoormaps.BESIDE)]
         parts = [one for one in parts if one not in small]
         wall = self.wall or (INDOOR_WALL if has_walls else 0.0)
         floor = shapely.union_all(with_walls(distinct(parts), wall) if has_walls else parts)
@@ -212,8 +201,8 @@ class GeojsonImporter(Importer):
     def _add_door(
         self,
         plan: Plan,
-        storey: Storey,
-        door: MapDoor,
+        storey: indoormaps.Storey,
+        door: indoormaps.MapDoor,
         label: str,
         spaces: Sequence[BaseGeometry],
         floor: BaseGeometry,
@@ -221,12 +210,12 @@ class GeojsonImporter(Importer):
         outside: str,
     ) -> None:
         """Add one door of an indoor map, or say why it is none."""
-        ends, place = door_at(door.shape, door.width, spaces), place_of(door.shape)
+        ends, place = indoormaps.door_at(door.shape, door.width, spaces), place_of(door.shape)
         leads = ends is not None and bool(leads_out(ends.reshape(1, 4), hull)[0])
         if ends is not None:
-            ends = at_wall(ends, floor, leads_out=leads)
+            ends = indoormaps.at_wall(ends, floor, leads_out=leads)
         sides = 0 if ends is None else int(door_sides(ends.reshape(1, 4), floor)[0])
-        if sides < 2 and shapely.union_all(storey.shafts).dwithin(door.shape, BESIDE):
+        if sides < 2 and shapely.union_all(storey.shafts).dwithin(door.shape, indoormaps.BESIDE):
             kind, text = "left out", "a door to a lift, a shaft or a void"
         elif ends is not None and sides == 1 and door_sides(ends, shapely.union_all([floor, *storey.steps]))[0] == 2:
             kind, text = "missing", "a door to the side of steps; draw a stair that begins behind it"
@@ -337,7 +326,7 @@ def _texts(path: Path) -> list[str]:
 def _add_stair(
     plan: Plan,
     name: str,
-    one: Steps,
+    one: indoormaps.Steps,
     pieces: tuple[list[FloatArray], list[BaseGeometry]],
     heights: Mapping[str, float],
 ) -> None:

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from evac.base.display import Display
 from evac.cli import inputs
@@ -237,7 +237,10 @@ def show_results(results: "Results") -> None:
     rows = [(own["person"], own["level"], round(own["x"], 2), round(own["y"], 2)) for own in stuck[:MOST_LISTED]]
     more = "" if len(stuck) <= MOST_LISTED else f", the first {MOST_LISTED} of {len(stuck)} (all in summary.json)"
     show_table(f"Without progress at the end{more}", ("person", "level", "x [m]", "y [m]"), rows)
-    _show_contact(summary["contact"])
+    contact = summary["contact"]
+    parts = [(name.replace("_", " "), value) for name, value in contact.items() if isinstance(value, int | float | str)]
+    parts += [(f"{name.replace('_', ' ')} [J]", value) for name, value in contact["energy"].items()]
+    show_table("Contact; see summary.json", ("quantity", "value"), parts)
     wall = summary["wall_time"]
     phases = [*wall.items(), ("all", sum(wall.values()))]
     show_table("Wall time", ("phase", "s"), [(name, round(seconds, 3)) for name, seconds in phases])
@@ -259,9 +262,3 @@ def response_times(crowd: "Crowd") -> str:
     if not times.any():
         return "none: everybody starts at 0 s"
     return f"{times.min():.4g} to {times.max():.4g} s"
-
-
-def _show_contact(contact: dict[str, Any]) -> None:
-    rows = [(name.replace("_", " "), value) for name, value in contact.items() if isinstance(value, int | float | str)]
-    rows += [(f"{name.replace('_', ' ')} [J]", value) for name, value in contact["energy"].items()]
-    show_table("Contact; see summary.json", ("quantity", "value"), rows)

@@ -21,18 +21,7 @@ from pathlib import Path, PurePath
 from typing import Any, Self
 
 from evac.base.errors import FolderWarning, ResultError, usable_path
-from evac.folder.files import (
-    COMPLETE,
-    MANIFEST_NAME,
-    RUNNING,
-    RUNS_STREAM_NAME,
-    TEMPORARY,
-    content_of,
-    mark,
-    read_manifest,
-    sync,
-    writing,
-)
+from evac.folder import files
 
 #: Errors of file systems that have no locks.
 NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
@@ -47,7 +36,7 @@ def locked(path: Path, what: str) -> Iterator[None]:
     from filelock import FileLock, Timeout  # which takes 30 ms
 
     lock = FileLock(path, timeout=PATIENCE, fallback_to_soft=False, on_acquired=_sign)
-    with writing("the lock", path):
+    with files.writing("the lock", path):
         path.parent.mkdir(parents=True, exist_ok=True)
         if os.path.lexists(path) and (path.is_symlink() or _holder(path) is None):
             raise ResultError(f"{path}: is not a lock of evac, which needs this name; move it away")
@@ -84,7 +73,7 @@ def holder_here(path: Path) -> int | None:
     import fcntl
 
     with suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
-        holder = json.loads(content_of(path))
+        holder = json.loads(files.content_of(path))
         with path.open("rb") as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # succeeds on what a killed process has left
@@ -96,7 +85,7 @@ def holder_here(path: Path) -> int | None:
 def _holder(path: Path) -> str | None:
     """Return a description of the process that has written a lock file; None for a file of somebody else."""
     try:
-        if not (content := content_of(path)):
+        if not (content := files.content_of(path)):
             return "another process"
         holder = json.loads(content)
         return f"process {int(holder['process'])} on {holder['host']} since {holder['since']}"
@@ -125,11 +114,11 @@ class ResultFolder:
         self._check_place()
         with ExitStack() as entered:
             entered.enter_context(locked(self._place.with_name(f"{self._place.name}.lock"), str(self.path)))
-            found = read_manifest(self.running)
+            found = files.read_manifest(self.running)
             if os.path.lexists(self.running) and not is_empty(self.running) and found.result != self._place.name:
                 raise ResultError(f"{self.running}: is not of a run into {self.path}, which needs this name; move it")
-            if found.state == COMPLETE:  # its process was killed
-                with writing("the results", self.path):
+            if found.state == files.COMPLETE:  # its process was killed
+                with files.writing("the results", self.path):
                     self._replace()
             check_folder(self.path)
             self._held = entered.pop_all()
@@ -145,30 +134,30 @@ class ResultFolder:
 
     def start(self) -> None:
         """Create ``RESULT.running``; files left in it by an earlier run are removed."""
-        with writing("the results", self.running):
+        with files.writing("the results", self.running):
             self.running.mkdir(parents=True, exist_ok=True)
             self._clear()
-            mark(self.running, RUNNING, self._place.name)
+            files.mark(self.running, files.RUNNING, self._place.name)
 
     def reopen(self, source: Path) -> None:
         """Rename the folder of a run that is resumed to ``RESULT.running``."""
-        with writing("the results", self.running):
+        with files.writing("the results", self.running):
             if not self.running.exists() or not self.running.samefile(source):
                 if self.running.exists():  # of another run, which cannot be resumed
                     self._clear()
                     carry_over(self.running, self._place)
                 os.rename(self._place, self.running)
-            mark(self.running, RUNNING, self._place.name)
+            files.mark(self.running, files.RUNNING, self._place.name)
 
     def put_back(self, source: Path) -> None:
         """Undo `reopen` with the same argument, for a run that cannot be resumed."""
         if not source.exists():
-            mark(self.running, COMPLETE, self._place.name)
+            files.mark(self.running, files.COMPLETE, self._place.name)
             os.rename(self.running, self._place)
 
     def check(self) -> None:
         """Check that ``RESULT.running`` is still the folder of this run."""
-        if not (self.running / MANIFEST_NAME).is_file():
+        if not (self.running / files.MANIFEST_NAME).is_file():
             raise ResultError(
                 f"{self.running}: the folder was removed during the run, with all its files; run the case again, and "
                 "do not change the folder until it has ended"
@@ -177,23 +166,23 @@ class ResultFolder:
     def publish(self) -> Path:
         """Replace ``RESULT`` by ``RESULT.running``, keeping files in ``RESULT`` that evac has not written."""
         self.check()
-        with writing("the results", self.path):
+        with files.writing("the results", self.path):
             for path in sorted(self.running.iterdir()):  # not the frames of an animation, which can be written again
                 if path.is_file():
-                    sync(path)
-            mark(self.running, COMPLETE, self._place.name)
-            sync(self.running / MANIFEST_NAME)
-            sync(self.running)
+                    files.sync(path)
+            files.mark(self.running, files.COMPLETE, self._place.name)
+            files.sync(self.running / files.MANIFEST_NAME)
+            files.sync(self.running)
             self._replace()
         return self.path
 
     def publish_if_new(self) -> Path:
         """Publish the files of an unfinished run as ``RESULT``, unless there is an earlier result."""
-        return self.running if read_manifest(self.path).state else self.publish()
+        return self.running if files.read_manifest(self.path).state else self.publish()
 
     def discard(self) -> None:
         """Remove the files of evac and plugins in ``RESULT.running``, and the folder if it is then empty."""
-        with writing("the results", self.running):
+        with files.writing("the results", self.running):
             if self.running.exists():
                 self._clear()
                 _remove_if_empty(self.running)
@@ -204,17 +193,17 @@ class ResultFolder:
             remove_written(self._place)
             carry_over(self._place, self.running)
         os.rename(self.running, self._place)
-        sync(self._place.parent)
+        files.sync(self._place.parent)
 
     def _clear(self) -> None:
         """Remove the files of an earlier run in ``RESULT.running``, but not the runs of a stopped study."""
-        if (self.running / RUNS_STREAM_NAME).is_file():
+        if (self.running / files.RUNS_STREAM_NAME).is_file():
             raise ResultError(
                 f"{self.running}: contains the runs of a stopped study; resume it with --resume or resume=True, choose "
                 "another folder, or remove this one"
             )
         remove_written(self.running)
-        (self.running / MANIFEST_NAME).unlink(missing_ok=True)
+        (self.running / files.MANIFEST_NAME).unlink(missing_ok=True)
 
     def _check_place(self) -> None:
         """Raise an error for folders that cannot be replaced by renaming."""
@@ -242,15 +231,17 @@ def running_beside(path: str | Path) -> Path:
 def find_result(path: Path) -> Path:
     """Return what to read: `path`, or ``RESULT.running`` if a run is writing or was killed while it replaced `path`."""
     running = running_beside(path)
-    found = read_manifest(running)
-    is_whole = found.state == COMPLETE and f"{found.result}.running" == running.name
+    found = files.read_manifest(running)
+    is_whole = found.state == files.COMPLETE and f"{found.result}.running" == running.name
     return running if is_whole or (not path.exists() and running.is_dir()) else path
 
 
 def check_result(path: Path) -> None:
     """Check that a path to read results from exists and is not that of a case."""
     is_case = (
-        path.suffix == ".toml" if path.is_file() else (path / CASE_NAME).is_file() and not read_manifest(path).state
+        path.suffix == ".toml"
+        if path.is_file()
+        else (path / CASE_NAME).is_file() and not files.read_manifest(path).state
     )
     if path.exists() and not is_case:
         return
@@ -269,29 +260,29 @@ def check_folder(folder: Path) -> None:
         return
     if not folder.is_dir():
         raise ResultError(f"{folder}: not a folder; choose another one for the results")
-    if not read_manifest(folder).state and not is_empty(folder):
+    if not files.read_manifest(folder).state and not is_empty(folder):
         raise ResultError(
-            f"{folder}: contains files, but is not a result folder of evac (it has no {MANIFEST_NAME}); choose a new "
-            "or empty folder for the results"
+            f"{folder}: contains files, but is not a result folder of evac (it has no {files.MANIFEST_NAME}); choose a "
+            "new or empty folder for the results"
         )
 
 
 def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
     """Remove the files that the manifest of a folder lists; links are neither followed nor removed."""
     kept = set(keep)
-    for name in read_manifest(folder).files:
+    for name in files.read_manifest(folder).files:
         path = folder / name
         if name in kept or not is_within(name) or is_link(folder, name):
             continue
         if path.is_file():
             path.unlink()
-        elif path.name.startswith(TEMPORARY) and path.is_dir():  # the draft of a killed export
+        elif path.name.startswith(files.TEMPORARY) and path.is_dir():  # the draft of a killed export
             shutil.rmtree(path)
         for parent in path.parents[: len(PurePath(name).parts) - 1]:
             _remove_if_empty(parent)
 
 
-def carry_over(source: Path, target: Path, manifest: str = MANIFEST_NAME) -> None:
+def carry_over(source: Path, target: Path, manifest: str = files.MANIFEST_NAME) -> None:
     """Move all files of a folder to another one, adding `EARLIER` to names that exist, and remove the folder."""
     for path in sorted(source.iterdir()):
         if path.name == manifest:
@@ -315,7 +306,7 @@ def _is_folder(path: Path) -> bool:
 def is_empty(folder: Path) -> bool:
     """Return whether a folder has nothing but a manifest into which a killed process has written nothing."""
     there = list(folder.iterdir()) if folder.is_dir() else []
-    return _is_folder(folder) and all(path.name == MANIFEST_NAME and not path.lstat().st_size for path in there)
+    return _is_folder(folder) and all(path.name == files.MANIFEST_NAME and not path.lstat().st_size for path in there)
 
 
 def _remove_if_empty(folder: Path) -> None:

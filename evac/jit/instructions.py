@@ -254,10 +254,6 @@ def _type_address_call(call: AddressCall) -> types.Type:
     return _callable(call, lambda args: wanted if len(args) == len(wanted.args) else None, generate)
 
 
-def _fused(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return builder.fma(*args)
-
-
 def _row(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     """Return the address and length of a row of a grid."""
     buffer = sig.args[0]
@@ -266,10 +262,6 @@ def _row(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     row = ir.Constant(context.get_value_type(sig.return_type), ir.Undefined)
     row = builder.insert_value(row, builder.ptrtoint(place, _WORD), 0)
     return builder.insert_value(row, _extent(builder, buffer, args[0], 1), 1)
-
-
-def _row_type(args: Any) -> Any:
-    return signature(RowType(args[0].kind.dtype), args[0], types.int64)
 
 
 @lower_cast(RowType, BufferType)
@@ -308,16 +300,12 @@ def _truncated(args: Any) -> Any:
     return signature(types.int64, number) if isinstance(number, types.Integer | types.Float) else None
 
 
-def _truncate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return context.cast(builder, args[0], sig.args[0], types.int64)
-
-
 _THREE = signature(types.float64, types.float64, types.float64, types.float64)
 
 #: Typing and lowering of each `Intrinsic`, by name.
 _INTRINSICS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
-    "fused": (lambda args: _THREE, _fused),
-    "row": (_row_type, _row),
+    "fused": (lambda args: _THREE, lambda context, builder, sig, args: builder.fma(*args)),
+    "row": (lambda args: signature(RowType(args[0].kind.dtype), args[0], types.int64), _row),
 }
 
 _known: dict[Any, types.Type] = {}
@@ -326,7 +314,9 @@ _known: dict[Any, types.Type] = {}
 BUILTINS = {
     max: _callable("evac max", *_extreme(">")),
     min: _callable("evac min", *_extreme("<")),
-    int: _callable("evac int", _truncated, _truncate),
+    int: _callable(
+        "evac int", _truncated, lambda own, builder, sig, args: own.cast(builder, *args, sig.args[0], types.int64)
+    ),
 }
 
 

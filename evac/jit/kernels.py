@@ -12,7 +12,7 @@ the attribute.
 import ctypes
 import os
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from types import ModuleType
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_origin, get_type_hints
 
@@ -180,14 +180,10 @@ class Struct:
         return type(self)(**(self.values() | changes))
 
     def __reduce__(self) -> Any:
-        return _rebuilt, (type(self), self.values())
+        return partial(type(self), **self.values()), ()
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(self.kinds)})"
-
-
-def _rebuilt(struct: type[Struct], values: dict[str, Any]) -> Struct:
-    return struct(**values)
 
 
 #: Whether kernels run as Python functions, for debugging.
@@ -208,13 +204,8 @@ NOTE_RAISED = "evac_note_raised"
 _raised: list[str] = []
 
 
-def _note_raised(label: bytes) -> None:
-    """Record a kernel that has raised an exception, until the call from Python returns."""
-    _raised.append(label.decode())
-
-
-#: The same function as a C callback.
-note_raised = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(_note_raised)
+#: Records a kernel that has raised an exception, until the call from Python returns.
+note_raised = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda label: _raised.append(label.decode()))
 
 
 class Kernel:

@@ -284,7 +284,8 @@ class Source(Saved):
         area = None if self._is_at_edge else building.area_named(self._place)
         walls = [building.walls[building.wall_level == level]]
         walls += [link.segments for link in building.links_of(level) if all(link is not way for way in ways)]
-        edges = np.concatenate([np.zeros((0, 4)), *(_seen_from(way, level) for way in ways)])
+        own = (way.segments_from(level) if isinstance(way, Portal) else way.segments for way in ways)
+        edges = np.concatenate([np.zeros((0, 4)), *own])  # with the level on their left
         near = [level, *(way.other(level) for way in ways if isinstance(way, Portal))]
         for row in waiting.tolist():
             generator = generator_for(self._seed, "people", self.name, "place", str(row), f"{time:.6f}")
@@ -320,11 +321,6 @@ class Source(Saved):
         assert area is not None
         portals = ways_onto(building, area.level).get(self._portal or "", [])
         return area.level, [way for way in portals if building.leads_from(way, way.other(area.level))]
-
-
-def _seen_from(way: Portal | Exit, level: int) -> FloatArray:
-    """Return the segments (s, 4) of a portal or an exit with a level on their left [m]."""
-    return way.segments_from(level) if isinstance(way, Portal) else way.segments
 
 
 def _in_area(polygon: shapely.Geometry, generator: np.random.Generator) -> FloatArray:

@@ -42,7 +42,7 @@ def subject_like(case: CaseTable, keepers: Sequence[str], subjects: Sequence[str
 def verification_section(case: CaseTable, keepers: Sequence[str]) -> Section:
     """Return the section on verification, with the tests that the model of a case failed; see `subject_like`."""
     rows = evidence()["tests"]
-    subject = subject_like(case, keepers, _subjects())
+    subject = subject_like(case, keepers, [column for column in rows[0] if column not in TEST_COLUMNS])
     failed = [(row, row[subject]) for row in rows if subject and row[subject].startswith("NO")]
     grouped: dict[str, list[str]] = {}
     for row, verdict in failed:
@@ -63,8 +63,3 @@ def meaning(names: str) -> str:
     """Return what it means for a building that a model does not meet the standard test of some names."""
     (words,) = [text for test, text in tomllib.loads(read("meanings.toml")).items() if test in names.split()]
     return str(words)
-
-
-def _subjects() -> list[str]:
-    """Return the models that were put to the standard tests."""
-    return [column for column in evidence()["tests"][0] if column not in TEST_COLUMNS]

@@ -22,20 +22,12 @@ from evac.folder.resultfolder import find_result
 from evac.folder.textfiles import checked, read_columns, read_json
 from evac.people.population import Group
 from evac.physics.state import Crowd, make_crowd
+from evac.results import results as kept
 from evac.results.recordedcase import CaseTable, GroupTable, Record, recorded_case, with_infinity
-from evac.results.results import (
-    CROSSINGS_COLUMNS,
-    DERIVED,
-    EXPOSURE_COLUMNS,
-    MARGIN_COLUMNS,
-    PEOPLE_COLUMNS,
-    REMOVED,
-    Results,
-)
 from evac.trajectory.trajectory import Trajectory, read_trajectory
 
 
-def read_results(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> Results:
+def read_results(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> kept.Results:
     """Read the results of a run from its folder, also of one that was interrupted or has failed.
 
     Nothing is changed in the folder, and no code that it names is executed. The building is that of the trajectory, if
@@ -78,14 +70,14 @@ def recorded_flows(trajectory: Trajectory) -> tuple[LineFlow, ...]:
 
 def results_beside(
     trajectory: Trajectory | None, place: Path, plugin_files: tuple[Path, ...] = (), with_people: bool = True
-) -> Results:
+) -> kept.Results:
     """Return the results in a folder, as `read_results` does, with the trajectory that was read from it.
 
     Without people, only what summary.json contains is read, and the crowd is empty.
     """
     path = place / SUMMARY_NAME
     data = read_json(path)
-    results = checked(Results, data | _UNREAD, path)
+    results = checked(kept.Results, data | _UNREAD, path)
     derived: Any = checked(_derived(), data, path)
     settings = data["case"]
     case = cache(partial(recorded_case, place, with_infinity(settings), results.source, (), plugin_files))
@@ -98,10 +90,10 @@ def results_beside(
                 f"{own[1]} people; the files are not of one run: run the case again"
             )
         results = replace(results, building_or_none=_building_at_the_end(trajectory.building, results, place))
-    cached = {name: getattr(derived, value.key) for name, value in DERIVED.items()}
+    cached = {name: getattr(derived, value.key) for name, value in kept.DERIVED.items()}
     if with_people:
         results = _with_people(results, place, derived)
-        for name, value in DERIVED.items():
+        for name, value in kept.DERIVED.items():
             if name not in ("flow_totals", "quality_warnings") and getattr(results, name) != cached[name]:
                 raise ResultError(
                     f"{place / PEOPLE_NAME}: {value.key!r} is {getattr(results, name)}, but {SUMMARY_NAME} has "
@@ -131,16 +123,16 @@ _UNREAD: dict[str, Any] = {
 @cache
 def _derived() -> Any:
     """Return the type of the keys of summary.json that follow from others, and of the case that it contains."""
-    kinds: dict[str, Any] = {value.key: (value.kind, ...) for value in DERIVED.values()}
+    kinds: dict[str, Any] = {value.key: (value.kind, ...) for value in kept.DERIVED.values()}
     return create_model("Derived", __base__=Record, case=(CaseTable, ...), **kinds)
 
 
-def _with_people(results: Results, place: Path, derived: Any) -> Results:
+def _with_people(results: kept.Results, place: Path, derived: Any) -> kept.Results:
     """Return results with the people of people.csv and their crossings."""
     groups: list[GroupTable] = derived.case.people
-    more = () if results.conditions is None else EXPOSURE_COLUMNS
-    margins = () if results.safety is None else MARGIN_COLUMNS
-    table = _Table(place / PEOPLE_NAME, PEOPLE_COLUMNS + more + margins)
+    more = () if results.conditions is None else kept.EXPOSURE_COLUMNS
+    margins = () if results.safety is None else kept.MARGIN_COLUMNS
+    table = _Table(place / PEOPLE_NAME, kept.PEOPLE_COLUMNS + more + margins)
     levels, exits = _told(results.titles), list(results.exits)
     group = table.indices("group", [group.name for group in groups], optional=True)
     crowd = _crowd_of(table, levels, exits, results.routes, group)
@@ -203,7 +195,7 @@ class _Table:
         return ResultError(f"{self.path}: column {name!r}: {why}; run the case again")
 
 
-def _building_at_the_end(building: Building, results: Results, folder: Path) -> Building:
+def _building_at_the_end(building: Building, results: kept.Results, folder: Path) -> Building:
     try:
         return building_at(building, results.changes, results.time)
     except BuildingError as error:
@@ -215,7 +207,7 @@ def _crowd_of(
 ) -> Crowd:
     """Return the people at the end, with NaN for what is not written."""
     n = table.length
-    exit_used = table.indices("exit", [*exits, REMOVED], optional=True)
+    exit_used = table.indices("exit", [*exits, kept.REMOVED], optional=True)
     exit_time = table.numbers("exit_time", 0.0, optional=True)
     level = table.indices("end_level", levels, optional=True, piece="end_piece")
     arrival_time = table.numbers("arrival_time", 0.0, optional=True)
@@ -258,7 +250,7 @@ def _crossings(
     """Return persons, links and times of crossings; none of a building without portals."""
     if not links:
         return np.empty(0, np.int32), np.empty(0, np.int32), np.empty(0)
-    table = _Table(path, CROSSINGS_COLUMNS)
+    table = _Table(path, kept.CROSSINGS_COLUMNS)
     person = table.numbers("person", 0.0, people - 1.0)
     link = np.array([*links], np.int32)[table.indices("portal", _told([*links.values()]), piece="piece")]
     return person.astype(np.int32), link, table.numbers("time", 0.0)
