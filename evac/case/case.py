@@ -67,17 +67,13 @@ class Case(Table):
     presets: dict[str, schema.PeopleSettings] = key("presets for groups of people, by name", "", {})
     contact: schema.ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(
-        "`[forces.NAME]`: parameters of a force on or between people, which enable it; `false` disables it",
-        "",
-        {},
+        "`[forces.NAME]`: parameters of a force on or between people, which enable it; `false` disables it", "", {}
     )
     behaviours: dict[str, Parameters] = key(
         "`[behaviours.NAME]`: parameters of a behaviour, which enable it; `false` disables it", "", {}
     )
     recorders: dict[str, Parameters] = key(
-        "`[recorders.NAME]`: parameters of a recorder; `false` disables it; all others are enabled",
-        "",
-        {},
+        "`[recorders.NAME]`: parameters of a recorder; `false` disables it; all others are enabled", "", {}
     )
     dispatchers: dict[str, Parameters] = key(
         "`[dispatchers.NAME]`: parameters of the dispatcher of lifts, which enable it; `false` disables it", "", {}

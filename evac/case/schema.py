@@ -159,9 +159,7 @@ class PeopleSettings(Table):
     )
     mass: Mass = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
     tau: Tau = key(
-        "relaxation time with which a person approaches the desired velocity",
-        "s",
-        Distribution("uniform", (0.1, 0.5)),
+        "relaxation time with which a person approaches the desired velocity", "s", Distribution("uniform", (0.1, 0.5))
     )
     speed: Speed = key("desired speed on the flat", "m/s", Distribution("uniform", (1.2, 2.0)))
     speed_up: StairSpeed = key(
@@ -197,9 +195,7 @@ class PeopleSettings(Table):
     )
     limit_stair_speeds: Switch = key("whether speeds on stairs are limited to the speed on the flat", "", True)
     exits: tuple[str, ...] = key(
-        "names of the exits that the group uses; empty: any. People pushed through another exit are out as well",
-        "",
-        (),
+        "names of the exits that the group uses; empty: any. People pushed through another exit are out as well", "", ()
     )
     assembly: tuple[str, ...] = key(
         "names of the assembly areas ([[place]]) to which the group goes, instead of to exits; empty: none", "", ()
@@ -269,9 +265,7 @@ class GroupSettings(PeopleSettings):
 
     name: Name = key("name of the group; the order of the tables has no influence")
     preset: str | None = key(
-        "name of a preset of the case or a shipped one, for keys that this table does not have",
-        "",
-        None,
+        "name of a preset of the case or a shipped one, for keys that this table does not have", "", None
     )
     number: Whole | None = key("number of people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
     density: Annotated[Real, Field(gt=0, le=MOST_DENSITY)] | None = key(
@@ -708,11 +702,7 @@ class SmokeSettings(Table):
     )
     period: Real = key("time between two updates of routes, rounded to ticks", "s", 5.0, ge=0.1, le=600)
     noticed: Real = key(
-        "change of the relative speed somewhere on a level after which its routes are updated",
-        "",
-        0.1,
-        ge=0.001,
-        le=1,
+        "change of the relative speed somewhere on a level after which its routes are updated", "", 0.1, ge=0.001, le=1
     )
 
     @property

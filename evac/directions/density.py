@@ -65,12 +65,7 @@ class Kernels:
         return np.where(room < 0.0, np.inf, JAM * np.clip(1.0 - room / own, 0.0, 1.0))
 
     def average(
-        self,
-        density: FloatArray,
-        level: IntArray,
-        position: FloatArray,
-        gain: float,
-        against: IntArray | None = None,
+        self, density: FloatArray, level: IntArray, position: FloatArray, gain: float, against: IntArray | None = None
     ) -> set[int]:
         """Average a density (nodes,) in place with that of people now; return the levels with people now or before.
 

@@ -248,13 +248,7 @@ def _affected(source: Path, building: Building, crowd: Crowd, group: "Group", ro
 
 
 def _unreachable(
-    source: Path,
-    building: Building,
-    fields: Fields,
-    crowd: Crowd,
-    group: "Group",
-    rows: IntArray,
-    full: Sequence[str],
+    source: Path, building: Building, fields: Fields, crowd: Crowd, group: "Group", rows: IntArray, full: Sequence[str]
 ) -> str:
     """Describe, for a message, why people have no travel time to an exit."""
     route = fields.routes[crowd.route[rows[0]]]

@@ -6,19 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evac.directions.fields import PackedFields
-from evac.jit import (
-    ByteGrid,
-    Bytes,
-    FloatGrid,
-    Floats,
-    Indices,
-    Ints,
-    Longs,
-    Pairs,
-    Quads,
-    Struct,
-    Triples,
-)
+from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Indices, Ints, Longs, Pairs, Quads, Struct, Triples
 from evac.jit.kernels import Array
 from evac.physics import tallies as at
 

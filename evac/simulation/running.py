@@ -19,12 +19,7 @@ from evac.base.phases import Progress
 from evac.case.case import Case
 from evac.case.loading import as_case
 from evac.contract.registry import Registry
-from evac.folder.files import (
-    ANIMATION_NAME,
-    CHECKPOINT_NAME,
-    EGRESS_PICTURE_NAME,
-    REPLAY_NAME,
-)
+from evac.folder.files import ANIMATION_NAME, CHECKPOINT_NAME, EGRESS_PICTURE_NAME, REPLAY_NAME
 from evac.folder.resultfolder import ResultFolder, remove_written
 from evac.results.ending import FAILED, INTERRUPTED
 from evac.results.results import Results

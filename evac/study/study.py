@@ -143,10 +143,7 @@ class Study:
         self._store.move(folder)
 
     def execute(
-        self,
-        workers: int,
-        executor: Executor | None = None,
-        progress: Callable[[StudyProgress], None] | None = None,
+        self, workers: int, executor: Executor | None = None, progress: Callable[[StudyProgress], None] | None = None
     ) -> None:
         """Execute and store all missing runs; raise if all runs failed."""
         failed: dict[tuple[int, int], EvacError] = {}

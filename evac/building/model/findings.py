@@ -177,11 +177,7 @@ def findings_of(error: EvacError, source: Path | None) -> tuple[Finding, ...]:
 
 @contextmanager
 def noting(
-    errors: list[Finding],
-    what: str,
-    item: str,
-    level: str | None = None,
-    at: "BaseGeometry | FloatArray | None" = None,
+    errors: list[Finding], what: str, item: str, level: str | None = None, at: "BaseGeometry | FloatArray | None" = None
 ) -> Iterator[None]:
     """Collect a ValueError as an error about an item, at a shape or in the middle of a segment."""
     try:

@@ -112,9 +112,7 @@ class Lift:
 
 
 def with_lifts_of(
-    building: Building,
-    drawn: Sequence[tuple[str, Sequence[str], LiftOptions]],
-    given: Mapping[str, LiftOptions],
+    building: Building, drawn: Sequence[tuple[str, Sequence[str], LiftOptions]], given: Mapping[str, LiftOptions]
 ) -> Building:
     """Return a building with lifts made of its levels `NAME STOREY`; what a case gives replaces what is drawn."""
     names = [name for name, *_ in drawn]

@@ -19,18 +19,7 @@ from evac.directions.raster.grids import BuildingGrids
 from evac.directions.raster.lattice import chain
 
 #: Arrays of the waves that marches and speeds change.
-_CHANGED = (
-    "factor",
-    "state",
-    "time",
-    "exit",
-    "gate",
-    "walk",
-    "former",
-    "before",
-    "leans",
-    "jump_time",
-)
+_CHANGED = ("factor", "state", "time", "exit", "gate", "walk", "former", "before", "leans", "jump_time")
 
 #: Arrays of the waves whose values no march takes over; of the memory, only what a march writes to is used.
 _SCRATCH = ("heap", "key", "place")
