@@ -69,7 +69,7 @@ _SPREAD = (
 def rows_by_travel_time(state: State, crowd: Crowd) -> IntArray:
     """Return the rows of the people inside, the nearest to their destination first, ties in order of rows."""
     bodies, inside = state.bodies, find_travel_times(state, crowd)
-    rows: IntArray = bodies.row[:inside][np.argsort(bodies.distance[:inside], kind="stable")]
+    rows: IntArray = bodies.row[:inside].take(bodies.distance[:inside].argsort(kind="stable"))
     return rows
 
 

@@ -15,7 +15,7 @@ from evac.directions.routes import STRATEGIES, Route
 from evac.directions.sampling import sample_travel_times
 from evac.jit import Entry
 from evac.jit.kernels import entries_of
-from evac.people.behaviour import Behaviour, is_legal
+from evac.people.behaviour import Behaviour, has_legal_factors, is_legal
 from evac.people.groups import default_clearance, narrowest_body, reference_speeds, route_of, routes_of
 from evac.people.outside import walk_straight
 from evac.people.placement import add_discs
@@ -148,7 +148,7 @@ def run_kernels(
     for behaviour in behaviours:
         kernels += entries_of(sys.modules[type(behaviour).__module__])
     routes, keeps = needed_routes(case, behaviours, full), any(one.keeps_distance for one in behaviours)
-    kernels += [walk_straight] if keeps else []
+    kernels += [walk_straight, has_legal_factors] if keeps else []
     follow = keeps or any(route.follows_crowd for route in routes)
     if follow or (case.conditions and case.smoke.routes):
         from evac.directions.march.waves import deposit, march_waves
