@@ -124,8 +124,8 @@ class Walking(Behaviour):
     leave along it and the cosine of its angle to e, and a step away from walls nearer than `clearance`. The step is
     that of the place where the person will be after the reaction time and the relaxation time, so that nobody swings
     from wall to wall. None but e leads over a portal from behind which the way leads back. The heading turns with
-    the time constant `reaction_time`, at first to the side if it has to turn by more than 90 degrees; who turns and
-    still moves against it is slower.
+    the time constant `reaction_time`, at first to the side if it has to turn by more than 90 degrees from the heading
+    before, or from the velocity of those who move faster than `creep`.
 
     Speed: the least that others leave along the heading, where those on other ways and those who stand count until
     t_s before the bodies touch. It is at least `creep`, but 0 behind people on the same route and before people who
@@ -342,7 +342,7 @@ def get_on(world, crowd, sights, seen, motion, rule, length, turn, time, most, i
     hx, hy = motion.heading[i, 0], motion.heading[i, 1]
     carried_x, carried_y = ground_velocity(world, sights, i)
     ux, uy = motion.velocity[i, 0] - carried_x, motion.velocity[i, 1] - carried_y
-    moves, found, turns = math.sqrt(ux * ux + uy * uy), 0.0, 0.0
+    moves, found = math.sqrt(ux * ux + uy * uy), 0.0
     look(world, crowd, sights, seen, motion, rule, length, most, i)
     if sights.level[i] < sights.levels:
         tx, ty, found = choose_heading(world, crowd, sights, seen, motion, rule, length, i)
@@ -351,10 +351,12 @@ def get_on(world, crowd, sights, seen, motion, rule, length, turn, time, most, i
             tx, ty = tx - side * ey, ty + side * ex
             norm = math.sqrt(tx * tx + ty * ty)
             tx, ty = tx / norm, ty / norm
-        if hx * tx + hy * ty < 0.0:  # they turn to the side first
-            side = 1.0 if hx * ty - hy * tx > 0.0 else -1.0
+        # They turn to the side first, always the same: the one to which the heading turns.
+        side = 1.0 if hx * ty - hy * tx > 0.0 else -1.0
+        if moves > rule.creep and ux * tx + uy * ty < 0.0:
+            tx, ty = -side * uy / moves, side * ux / moves
+        if hx * tx + hy * ty < 0.0:
             tx, ty = -side * hy, side * hx
-        turns = min(math.sqrt((tx - hx) ** 2 + (ty - hy) ** 2), 1.0)
         hx, hy = hx + turn * (tx - hx), hy + turn * (ty - hy)
         norm = math.sqrt(hx * hx + hy * hy)
         hx, hy = hx / norm, hy / norm
@@ -376,9 +378,7 @@ def get_on(world, crowd, sights, seen, motion, rule, length, turn, time, most, i
             start = crowd.start_time[seen.who[k]]
             if seen.relation[k] == LEADS or (seen.relation[k] == STANDS and time < start < math.inf):
                 least = 0.0
-    # Who turns and still moves against the heading is slower.
-    slows = 1.0 + turns * min(hx * ux + hy * uy, 0.0) / (moves + FAINT)
-    return max(found, best), slows * max(best, least)
+    return max(found, best), max(best, least)
 
 
 @inner

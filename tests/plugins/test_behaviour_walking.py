@@ -209,14 +209,21 @@ def test_the_heading_turns_within_the_reaction_time():
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_who_turns_round_turns_to_the_side_first_and_is_slower_meanwhile(side):
-    before, moved = np.array([-0.96, 0.28 * side]), np.array([0.3, -0.4 * side])
+@pytest.mark.parametrize(
+    ("before", "moved", "aim"),
+    [
+        ((-0.96, 0.28), (0.3, -0.4), (0.28, 0.96)),  # to the side of the heading before
+        ((0.28, 0.96), (-0.3, 0.4), (0.8, 0.6)),  # to that of the velocity
+        ((-0.8, 0.6), (-0.4, -0.3), (-0.6, 0.8)),  # the one to which the heading turns, not the velocity
+        ((0.28, 0.96), (-0.09, 0.12), (1.0, 0.0)),  # who hardly moves turns at once
+    ],
+)
+def test_who_turns_round_turns_to_the_side_first(before, moved, aim, side):
+    before, moved, aim = (np.array([x, side * y]) for x, y in (before, moved, aim))
     factor, heading = acted([[0.0, 0.0]], [moved], heading=before, reaction_time=0.3)
-    share = 1.0 - math.exp(-0.1 / 0.3)
-    expected = before + share * (np.array([0.28, 0.96 * side]) - before)
-    expected /= np.hypot(*expected)
-    assert heading[0] == pytest.approx(expected, rel=1e-9)
-    assert factor[0] == pytest.approx(1.0 + moved @ expected / (0.5 + 0.03), rel=1e-9)
+    expected = before + (1.0 - math.exp(-0.1 / 0.3)) * (aim - before)
+    assert heading[0] == pytest.approx(expected / np.hypot(*expected), rel=1e-9)
+    assert factor[0] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("distance", [0.32, 0.38])
@@ -231,8 +238,9 @@ def test_wide_people_who_look_hardly_ahead_wait_behind_whom_they_touch():
 
 
 @pytest.mark.parametrize(("model", "seed"), [("NSM1 inertial", 4), ("DEM", 8)])
-def test_nobody_who_passes_the_other_flight_of_an_enclosure_steps_over_its_portal_and_back(model, seed):
+def test_nobody_in_an_enclosure_of_stairs_turns_round_within_a_tick_or_steps_over_a_portal_and_back(model, seed):
     moments = comfort(TOWER, model, seed)
+    assert moments["turns away"] == 0
     assert moments["step back"] <= 2
     assert moments["greatest way back [m]"] < 0.3
 
