@@ -16,14 +16,9 @@ from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.sights import notice_signs, watch_walkers
 from evac.physics.state import Crowd
 
-#: Tolerance of times, which are multiples of the step [s].
-INSTANT = 1e-9
-
-#: Distance of the point in front of an exit that is seen if the exit is [m].
-BEFORE = 0.1
-
-#: Speed from which people are seen to walk [m/s].
-WALKS = 0.3
+INSTANT = 1e-9  #: Tolerance of times, which are multiples of the step [s].
+BEFORE = 0.1  #: Distance of the point in front of an exit that is seen if the exit is [m].
+WALKS = 0.3  #: Speed from which people are seen to walk [m/s].
 
 
 class Familiarity(Behaviour):

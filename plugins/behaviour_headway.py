@@ -12,8 +12,7 @@ from evac.people.outside import Outside
 from evac.people.sights import Sights, is_ahead, list_near, look_round, make_sights, sees, set_desired_motion
 from evac.physics.state import Crowd, World
 
-#: Repulsions below this share of the desired direction are neglected.
-FAINT = 0.01
+FAINT = 0.01  #: Repulsions below this share of the desired direction are neglected.
 
 
 class Rule(Struct):

@@ -17,8 +17,7 @@ from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.places import have_stopped
 from evac.physics.state import Crowd
 
-#: Gap between the bodies of a helper and a person at which the helper has come [m].
-REACH = 0.6
+REACH = 0.6  #: Gap between the bodies of a helper and a person at which the helper has come [m].
 
 #: Distance within which a helper walks straight to the person [m], and weight of that direction.
 NEAR, STRAIGHT = 6.0, 4.0
@@ -27,23 +26,12 @@ NEAR, STRAIGHT = 6.0, 4.0
 #: ahead do not slow down, greater than the one that people keep from those ahead at the speed of devices [m].
 LOST, BESIDE = 3.0, 2.0
 
-#: Distance from a door at which its two sides are looked at [m].
-BESIDE_DOOR = 0.5
-
-#: Speed of helpers who have fallen behind, over that of the device.
-HASTE = 1.3
-
-#: Time to the exit from which helpers who are still needed let the person go alone [s].
-LEAD = 2.0
-
-#: Greatest speed of a device [m/s].
-FASTEST = 10.0
-
-#: Length of a stair below which a device need not go up or down, because lengths are interpolated [m].
-FLIGHT = 0.5
-
-#: Slope of ramps for wheelchairs.
-RAMP = 0.0834
+BESIDE_DOOR = 0.5  #: Distance from a door at which its two sides are looked at [m].
+HASTE = 1.3  #: Speed of helpers who have fallen behind, over that of the device.
+LEAD = 2.0  #: Time to the exit from which helpers who are still needed let the person go alone [s].
+FASTEST = 10.0  #: Greatest speed of a device [m/s].
+FLIGHT = 0.5  #: Length of a stair below which a device need not go up or down, because lengths are interpolated [m].
+RAMP = 0.0834  #: Slope of ramps for wheelchairs.
 
 # What is done for a person.
 WAITS, IS_FETCHED, IS_PREPARED, IS_BROUGHT, IS_THERE = range(5)

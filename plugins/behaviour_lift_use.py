@@ -15,8 +15,7 @@ from evac.physics.state import Crowd
 
 evac_interface = 3
 
-#: Speed below which people wait [m/s].
-STANDS = 0.2
+STANDS = 0.2  #: Speed below which people wait [m/s].
 
 
 class LiftUse(Behaviour):

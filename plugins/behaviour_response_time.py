@@ -16,11 +16,8 @@ from evac.building.model.cells import LevelField
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
 
-#: What response times count from.
-BEGIN = ("start", "cue")
-
-#: Speed from which people are seen to walk [m/s].
-WALKS = 0.3
+BEGIN = ("start", "cue")  #: What response times count from.
+WALKS = 0.3  #: Speed from which people are seen to walk [m/s].
 
 
 class ResponseTime(Behaviour):

@@ -8,8 +8,7 @@ from evac.base.saved import Bounds
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
 
-#: Way on a landing or floor before people stop there, so that they leave the flight to others [m].
-ONWARDS = 0.6
+ONWARDS = 0.6  #: Way on a landing or floor before people stop there, so that they leave the flight to others [m].
 
 
 class Rest(Behaviour):

@@ -8,14 +8,12 @@ from evac.base.saved import Bounds
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
 
-#: Least width with room for two people beside each other, a step of 0.8 m between balustrades [m].
-ABREAST = 0.8
+ABREAST = 0.8  #: Least width with room for two people beside each other, a step of 0.8 m between balustrades [m].
 
 #: Distance from the middle of their side within which people have taken it, and over which they turn to it [m].
 BESIDE, TURNING = 0.05, 0.5
 
-#: Share of their speed at which people step aside who are going to stand.
-SIDESTEP = 0.3
+SIDESTEP = 0.3  #: Share of their speed at which people step aside who are going to stand.
 
 
 class Riding(Behaviour):

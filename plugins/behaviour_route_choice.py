@@ -16,8 +16,7 @@ from evac.directions.routes import STRATEGIES, Route
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
 
-#: Tolerance of times, which are multiples of the step [s].
-INSTANT = 1e-9
+INSTANT = 1e-9  #: Tolerance of times, which are multiples of the step [s].
 
 
 @dataclass(frozen=True)

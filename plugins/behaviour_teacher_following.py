@@ -16,8 +16,7 @@ from evac.jit.kernels import FloatGrid
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
 
-#: Decrease of the remaining travel time below its minimum so far that counts as progress [s].
-PROGRESS = 0.5
+PROGRESS = 0.5  #: Decrease of the remaining travel time below its minimum so far that counts as progress [s].
 
 #: Lower limit of speeds in the computation of gaps, since people who cannot walk never close a gap [m/s].
 SLOWEST = 1e-9

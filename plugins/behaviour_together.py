@@ -15,8 +15,7 @@ from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.places import have_stopped
 from evac.physics.state import Crowd
 
-#: Time after the start of a person within which it has not arrived, because it has not begun to walk [s].
-PAUSE = 0.1
+PAUSE = 0.1  #: Time after the start of a person within which it has not arrived, because it has not begun to walk [s].
 
 #: Decrease of the remaining travel time of the last member below its minimum so far that counts as progress [s].
 PROGRESS = 0.5

@@ -71,14 +71,9 @@ TOLERANCE, FARTHEST = 0.3, 3.0
 #: Share of an area that counts as complete, and as enough to know that slices are meant for a level.
 COMPLETE, ENOUGH = 0.995, 0.9
 
-#: Distance of the middle of an exit from slices within which they cover it [m].
-OUTSIDE = 0.1
-
-#: Distance by which volumes of a deck extend beyond heads on stairs [m].
-MARGIN = 0.5
-
-#: Quantities whose slices a deck has.
-DECK = dict.fromkeys(("extinction", "co", "co2", "o2", "temperature"))
+OUTSIDE = 0.1  #: Distance of the middle of an exit from slices within which they cover it [m].
+MARGIN = 0.5  #: Distance by which volumes of a deck extend beyond heads on stairs [m].
+DECK = dict.fromkeys(("extinction", "co", "co2", "o2", "temperature"))  #: Quantities whose slices a deck has.
 
 
 class Fds(ConditionSource):

@@ -16,8 +16,7 @@ from evac.base.parameters import did_you_mean
 from evac.building.model.elevation import elevation
 from evac.conditions.source import HOTTEST_START, QUANTITIES, ConditionSource, SourceScene, gap_in
 
-#: Greatest size of a CSV file [bytes].
-MOST_BYTES = 50_000_000
+MOST_BYTES = 50_000_000  #: Greatest size of a CSV file [bytes].
 
 
 @dataclass(frozen=True)

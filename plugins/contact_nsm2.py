@@ -22,11 +22,8 @@ from evac.physics.status import NEEDS_STRONGER_SOLVER, OK, SEPARATE, TOO_FAST
 REACH = 1.0 + 1e-9
 TOUCH = 1e-9
 
-#: Dissipation used to solve a step again that has no solution for infinite K_N [kg].
-FALLBACK = 1e5
-
-#: Tolerance of overlaps of the optional position correction [m].
-OVERLAP = 2e-4
+FALLBACK = 1e5  #: Dissipation used to solve a step again that has no solution for infinite K_N [kg].
+OVERLAP = 2e-4  #: Tolerance of overlaps of the optional position correction [m].
 
 #: Largest gap of bodies that count as touching if positions are corrected [m]. Otherwise, a gap that was corrected to
 #: zero would not be a contact of bodies that move in the same direction, and would be corrected again in every step.

@@ -14,8 +14,7 @@ from evac.building.model.building import Level
 from evac.export.exporter import Exporter, file_stems
 from evac.trajectory.trajectory import Trajectory
 
-#: Version of the schema, as used by jupedsim 1.0 to 1.3 and read by PedPy and the viewer of JuPedSim.
-VERSION = 2
+VERSION = 2  #: Version of the schema, as used by jupedsim 1.0 to 1.3 and read by PedPy and the viewer of JuPedSim.
 
 TABLES = """
 CREATE TABLE trajectory_data (

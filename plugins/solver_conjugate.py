@@ -30,17 +30,10 @@ from evac.physics.contact.rows import (
 )
 from evac.physics.state import Problem
 
-#: Columns of ``Problem.face_data`` after A and B.
-SHIFT, SOFTNESS, COMPLIANCE = 4, 5, 6
-
-#: Branches of the local law.
-OFF, RIGID, ELASTIC = 0, 1, 2
-
-#: A direction has no curvature if its curvature is less than this share of the diagonal part.
-FLAT = 1e-12
-
-#: Maximum number of conjugate gradient iterations on one face before it is identified again.
-LONGEST_FACE = 500
+SHIFT, SOFTNESS, COMPLIANCE = 4, 5, 6  #: Columns of ``Problem.face_data`` after A and B.
+OFF, RIGID, ELASTIC = 0, 1, 2  #: Branches of the local law.
+FLAT = 1e-12  #: A direction has no curvature if its curvature is less than this share of the diagonal part.
+LONGEST_FACE = 500  #: Maximum number of conjugate gradient iterations on one face before it is identified again.
 
 
 @kernel

@@ -22,8 +22,7 @@ from evac.physics.contact.rows import (
 )
 from evac.physics.state import Problem
 
-#: Relative increase of the energy above which it is not a rounding error.
-RISE = 1e-10
+RISE = 1e-10  #: Relative increase of the energy above which it is not a rounding error.
 
 #: Sweeps between two evaluations of the energy. If the energy increases twice within `SOON` sweeps, momentum is
 #: reduced even with symmetric sweeps.

@@ -29,8 +29,7 @@ KINDS = {
 #: Keys of the other form of ``lognormal``: mean and standard deviation of the value itself, not of its logarithm.
 LOGNORMAL_TABLE = ("mean", "deviation")
 
-#: Minimum probability between the bounds of a truncated distribution.
-LEAST_SHARE = 1e-6
+LEAST_SHARE = 1e-6  #: Minimum probability between the bounds of a truncated distribution.
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,7 @@ T = TypeVar("T")
 LONGEST = 1000
 LONGEST_QUOTED = 120
 
-#: Greatest number of people whom a message names.
-MOST_NAMED = 20
+MOST_NAMED = 20  #: Greatest number of people whom a message names.
 
 #: Categories of Unicode that break lines, control terminals, or cannot be written: controls, surrogates, separators.
 _CONTROL = frozenset({"Cc", "Cs", "Zl", "Zp"})

@@ -23,14 +23,9 @@ from evac.base.distributions import Distribution, distribution_from
 from evac.base.errors import EvacError, is_one_line
 from evac.base.parameters import did_you_mean
 
-#: Path to a value of case.toml: names of tables, indexes of lists.
-Key = tuple[str | int, ...]
-
-#: Greatest number of characters of a value that is repeated as an example.
-LONGEST_EXAMPLE = 80
-
-#: Greatest number of faults that are collected for a case.
-MOST_FAULTS = 1_000
+Key = tuple[str | int, ...]  #: Path to a value of case.toml: names of tables, indexes of lists.
+LONGEST_EXAMPLE = 80  #: Greatest number of characters of a value that is repeated as an example.
+MOST_FAULTS = 1_000  #: Greatest number of faults that are collected for a case.
 
 #: Name of a branch of a union, a number or a list, in the location of an error of pydantic.
 BRANCH = re.compile(r"constrained-\w+|(tuple|function-\w+)\[.*\]")

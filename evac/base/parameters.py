@@ -186,8 +186,7 @@ WORDS: Mapping[Any, str] = {
     NoneType: "None",
 }
 
-#: The types of paths.
-PATH: Any = str | PathLike
+PATH: Any = str | PathLike  #: The types of paths.
 
 
 def check_types(**given: tuple[Any, Any]) -> None:

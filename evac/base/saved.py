@@ -11,8 +11,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from evac.base.errors import PluginError, ResultError, plugin_code
 
-#: Default bounds: numbers must be finite.
-FINITE = float(np.finfo(np.float64).max)
+FINITE = float(np.finfo(np.float64).max)  #: Default bounds: numbers must be finite.
 
 State = Mapping[str, NDArray[Any]]
 

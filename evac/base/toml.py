@@ -6,15 +6,13 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-#: Names of keys that TOML lets stand without quotation marks.
-BARE = re.compile(r"[A-Za-z0-9_-]+")
+BARE = re.compile(r"[A-Za-z0-9_-]+")  #: Names of keys that TOML lets stand without quotation marks.
 
 
 #: A word with the blanks behind it, and a line break that is no part of a string, nor are blanks behind it.
 WORD, BREAK = re.compile(r"^\s+|\S+\s*"), "\\\n"
 
-#: Greatest number of letters of a line where TOML lets it be broken, which fits half the width of a page.
-WIDTH = 58
+WIDTH = 58  #: Greatest number of letters of a line where TOML lets it be broken, which fits half the width of a page.
 
 
 def case_text(case: Mapping[str, Any]) -> str:

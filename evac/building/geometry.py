@@ -31,8 +31,7 @@ def connected_components(count: int, pairs: IndexArray) -> IndexArray:
             least = further
 
 
-#: Greatest size of the arguments of a function whose results are kept [bytes].
-MOST_KEPT = 64_000_000
+MOST_KEPT = 64_000_000  #: Greatest size of the arguments of a function whose results are kept [bytes].
 
 
 def remembered(function: Callable[Given, Made]) -> Callable[Given, Made]:
@@ -65,8 +64,7 @@ def _content(value: object) -> bytes:
 
 #: Grid to which coordinates of plans are rounded, on which overlays are exact [m].
 GRID = 1e-6
-#: Minimum area of polygons, and of changes by repairs that are reported [m2].
-LEAST_AREA = 1e-6
+LEAST_AREA = 1e-6  #: Minimum area of polygons, and of changes by repairs that are reported [m2].
 
 
 def flat_parts(geometry: BaseGeometry) -> BaseGeometry:
@@ -133,8 +131,7 @@ def below(plan: BaseGeometry, height: Callable[[float, float], float], z: float)
     return plan.intersection(shapely.Polygon(half))
 
 
-#: Grid on which polygons are united that do not share their sides [m].
-SNAP = 1e-8
+SNAP = 1e-8  #: Grid on which polygons are united that do not share their sides [m].
 
 
 def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, IndexArray]:
@@ -218,8 +215,7 @@ ALONG = 0.9
 ROUNDING = 1e-5
 #: Share of a segment at each end in which points are at the end.
 END = 1e-6
-#: Places along a piece of an outline at which the floor beyond a wall is looked for.
-SAMPLES = 8
+SAMPLES = 8  #: Places along a piece of an outline at which the floor beyond a wall is looked for.
 
 
 def segment_lengths(segments: FloatArray) -> FloatArray:

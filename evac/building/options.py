@@ -9,8 +9,7 @@ from evac.base.change import Control, LiftOptions, Moving
 from evac.base.defaults import HEADROOM, LEAST_LENGTH, WELD
 from evac.base.keys import Coordinate, Name, Point, Real, Switch, Table, key, wrong
 
-#: Greatest number of exits, of areas and of obstacles, and of groups of people.
-MOST_ITEMS = 10_000
+MOST_ITEMS = 10_000  #: Greatest number of exits, of areas and of obstacles, and of groups of people.
 
 
 def check_level(what: str, level: str | None, z: float | None) -> None:

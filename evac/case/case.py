@@ -15,8 +15,7 @@ from evac.building.options import MOST_ITEMS
 from evac.case import schema
 from evac.contract.registry import Registry
 
-#: File name used for a case that was made from a dictionary.
-DICTIONARY = "<dictionary>"
+DICTIONARY = "<dictionary>"  #: File name used for a case that was made from a dictionary.
 
 
 @dataclass(frozen=True)

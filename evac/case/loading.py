@@ -51,8 +51,7 @@ def run_plugin_files(case: Case, announce: Callable[[Path], None] | None = None)
     return case_from(case._origin.table, case.source, plugin_files=files, registry=case.registry)
 
 
-#: Greatest number of faults in one error, and of characters of each.
-MOST_SHOWN, LONGEST_SHOWN = 50, 1_000
+MOST_SHOWN, LONGEST_SHOWN = 50, 1_000  #: Greatest number of faults in one error, and of characters of each.
 
 
 def load_case(

@@ -11,14 +11,9 @@ from evac.base.keys import Fault, Key
 from evac.base.parameters import check_types, did_you_mean
 from evac.building.model.findings import repaired
 
-#: Greatest size of a case.toml [bytes]: some 200,000 positions.
-MOST_BYTES = 8_000_000
-
-#: Greatest depth of nested tables and lists: a case needs seven.
-MOST_NESTED = 20
-
-#: Integers of TOML have 64 bits.
-_LEAST_WHOLE, _GREATEST_WHOLE = -(2**63), 2**63 - 1
+MOST_BYTES = 8_000_000  #: Greatest size of a case.toml [bytes]: some 200,000 positions.
+MOST_NESTED = 20  #: Greatest depth of nested tables and lists: a case needs seven.
+_LEAST_WHOLE, _GREATEST_WHOLE = -(2**63), 2**63 - 1  #: Integers of TOML have 64 bits.
 
 
 def read_table(path: Path) -> dict[str, Any]:

@@ -41,17 +41,10 @@ from evac.base.keys import (
 from evac.building.options import BuildingOptions, check_level
 from evac.directions.routes import Strategy
 
-#: Greatest number of steps in a tick, during which even an interrupt is not noticed.
-MOST_STEPS = 100_000
-
-#: Greatest number of people in a group, and in a case.
-MOST_PEOPLE = 1_000_000
-
-#: Greatest density of people [1/m2]; they cannot stand closer.
-MOST_DENSITY = 20.0
-
-#: Greatest value of a quantity of the air, whatever its unit.
-MOST_VALUE = 1e6
+MOST_STEPS = 100_000  #: Greatest number of steps in a tick, during which even an interrupt is not noticed.
+MOST_PEOPLE = 1_000_000  #: Greatest number of people in a group, and in a case.
+MOST_DENSITY = 20.0  #: Greatest density of people [1/m2]; they cannot stand closer.
+MOST_VALUE = 1e6  #: Greatest value of a quantity of the air, whatever its unit.
 
 #: Greatest simulated time of a run [s], four months, and number of states that it records.
 LONGEST_RUN = 1e7
@@ -513,11 +506,8 @@ class LineSettings(Table):
         return self
 
 
-#: The conditions of which `when` has one.
-CONDITIONS = ("event", "out", "count", "at_most", "density", "smoke")
-
-#: Those of them that are about an area.
-IN_AREA = ("count", "at_most", "density", "smoke")
+CONDITIONS = ("event", "out", "count", "at_most", "density", "smoke")  #: The conditions of which `when` has one.
+IN_AREA = ("count", "at_most", "density", "smoke")  #: Those of them that are about an area.
 
 
 def _or_as_given(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
@@ -775,8 +765,7 @@ class CompartmentSettings(CriteriaSettings):
     )
 
 
-#: Keys of a shipped preset that describe it, besides those of `PeopleSettings`.
-DESCRIPTION = ("about", "source")
+DESCRIPTION = ("about", "source")  #: Keys of a shipped preset that describe it, besides those of `PeopleSettings`.
 
 
 @cache

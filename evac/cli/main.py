@@ -52,8 +52,7 @@ Exit status:
 
 The status does not depend on whether the reader of a pipe has closed it."""
 
-#: Number of allocated containers between two garbage collections, see `start_fast`.
-GARBAGE_EVERY = 50_000
+GARBAGE_EVERY = 50_000  #: Number of allocated containers between two garbage collections, see `start_fast`.
 
 
 def program() -> int:

@@ -88,8 +88,7 @@ def execute_map(arguments: argparse.Namespace) -> int:
     return 0
 
 
-#: Width and height of pictures and of films [pixels].
-PICTURE_SIZE, FILM_SIZE = (1600, 1200), (960, 720)
+PICTURE_SIZE, FILM_SIZE = (1600, 1200), (960, 720)  #: Width and height of pictures and of films [pixels].
 
 
 def declare_render(parser: argparse.ArgumentParser) -> None:

@@ -188,12 +188,10 @@ def show_run(results: "Results", verbose: bool) -> None:
         note(f"evac: interrupted at {results.time:.2f} s{beside}{how}")
 
 
-#: Maximum number of listed people without progress; summary.json has all of them.
-MOST_LISTED = 20
+MOST_LISTED = 20  #: Maximum number of listed people without progress; summary.json has all of them.
 
 
-#: Maximum number of lines that the answer takes on a terminal, with the line of the result folder.
-MOST_LINES = 12
+MOST_LINES = 12  #: Maximum number of lines that the answer takes on a terminal, with the line of the result folder.
 
 
 def show_answer(results: "Results", below: int = 1) -> None:

@@ -24,8 +24,7 @@ from rich.text import Text
 
 from evac.base.errors import EvacWarning, in_one_line
 
-#: Libraries that log warnings to standard error by default.
-LOGGING = ("matplotlib", "imageio", "PIL")
+LOGGING = ("matplotlib", "imageio", "PIL")  #: Libraries that log warnings to standard error by default.
 
 #: Packages on which numbers, kernels and pictures depend, for reports of faults.
 PACKAGES = ("numpy", "scipy", "numba", "llvmlite", "shapely", "scikit-fmm", "pyvista", "pyarrow")
@@ -147,8 +146,7 @@ def shown_warnings() -> Iterator[None]:
         yield
 
 
-#: Width of tables written to a file or a pipe.
-PLAIN_WIDTH = 160
+PLAIN_WIDTH = 160  #: Width of tables written to a file or a pipe.
 
 
 def console() -> Console:

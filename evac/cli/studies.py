@@ -22,14 +22,9 @@ if TYPE_CHECKING:
 
 TITLE = "Evacuation time: when the last person left"
 
-#: Exit status if people are left in a run.
-PEOPLE_LEFT = 3
-
-#: Maximum number of points whose statistics are shown; statistics.csv contains all.
-MOST_SHOWN = 40
-
-#: Maximum number of different notes on a statistic that are shown for a sweep.
-MOST_NOTES = 3
+PEOPLE_LEFT = 3  #: Exit status if people are left in a run.
+MOST_SHOWN = 40  #: Maximum number of points whose statistics are shown; statistics.csv contains all.
+MOST_NOTES = 3  #: Maximum number of different notes on a statistic that are shown for a sweep.
 
 
 def declare_repeat(parser: argparse.ArgumentParser) -> None:

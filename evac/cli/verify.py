@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from evac.standard.verify import Result
 
 
-#: Exit status if a test is failed, or named and not run.
-TEST_FAILED = 1
+TEST_FAILED = 1  #: Exit status if a test is failed, or named and not run.
 
 
 def declare_verify(parser: argparse.ArgumentParser) -> None:

@@ -22,11 +22,8 @@ if TYPE_CHECKING:
     from evac.simulation.scene import Scene
 
 
-#: Name and unit of the field, which behaviours and trajectories know it by.
-NAME, UNIT = SMOKE, "1/m"
-
-#: Least side of its cells [m], and time between two updates [s].
-SPACING, PERIOD = 1.0, 2.0
+NAME, UNIT = SMOKE, "1/m"  #: Name and unit of the field, which behaviours and trajectories know it by.
+SPACING, PERIOD = 1.0, 2.0  #: Least side of its cells [m], and time between two updates [s].
 
 
 class Air:

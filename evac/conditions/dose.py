@@ -34,11 +34,8 @@ COUNTED = {"fds": ALL, "sfpe": ALL, "iso": ("co", "co2", "hcn")}
 #: Radiative flux below which there is no limit of time [kW/m2], and dose that can be tolerated [(kW/m2)^1.33 min].
 LEAST_FLUX, TOLERANCE = 2.5, 1.33
 
-#: Oxygen below which its lack counts [%].
-LITTLE_OXYGEN = 20.0
-
-#: Seconds of a minute: rates of doses are stated per minute.
-MINUTE = 60.0
+LITTLE_OXYGEN = 20.0  #: Oxygen below which its lack counts [%].
+MINUTE = 60.0  #: Seconds of a minute: rates of doses are stated per minute.
 
 Air = Mapping[str, FloatArray]
 

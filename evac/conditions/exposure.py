@@ -32,14 +32,9 @@ if TYPE_CHECKING:
     from evac.directions.smoky import Smoky
     from evac.simulation.scene import Scene
 
-#: Doses above which people are counted.
-TOLD = (0.3, 1.0)
-
-#: Rate above which a dose grows [1/min]: that of hot air of 36 C.
-LEAST_RATE = 1e-3
-
-#: Columns of the doses over time.
-SERIES = ("time", "mean_gas", "greatest_gas", "mean_heat", "greatest_heat")
+TOLD = (0.3, 1.0)  #: Doses above which people are counted.
+LEAST_RATE = 1e-3  #: Rate above which a dose grows [1/min]: that of hot air of 36 C.
+SERIES = ("time", "mean_gas", "greatest_gas", "mean_heat", "greatest_heat")  #: Columns of the doses over time.
 
 
 def quantities_needed(case: "Case", law: SmokeLaw) -> tuple[str, ...]:
@@ -293,8 +288,7 @@ class Exposure(Saved):
         np.isfinite(self.stopped_at, out=self.stopped)
 
 
-#: Factor of the time where people turn back, and over people who lie there, if there is another way.
-TURN_BACK = 100.0
+TURN_BACK = 100.0  #: Factor of the time where people turn back, and over people who lie there, if there is another way.
 
 
 class RoutesInSmoke(Saved):

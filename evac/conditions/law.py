@@ -9,23 +9,18 @@ from evac.base.arrays import COPY, FloatArray, as_floats, read_only
 from evac.base.errors import fault, plugin_code
 from evac.base.parameters import Configurable
 
-#: Name of the extinction coefficient, as a quantity and as a recorded field.
-SMOKE = "extinction"
+SMOKE = "extinction"  #: Name of the extinction coefficient, as a quantity and as a recorded field.
 
 #: Name of the recorded field of the speed that smoke and irritants leave of the mean desired speed.
 SPEED = "speed_in_smoke"
 
-#: Extinction coefficient of smoke so dense that laws have their least speed [1/m].
-DENSE = 1e4
+DENSE = 1e4  #: Extinction coefficient of smoke so dense that laws have their least speed [1/m].
 
 #: Extinction coefficients among which that is found from which on people are slower than they are when they wait [1/m].
 THICK = np.geomspace(0.1, 100.0, 301)
 
-#: People slower than this wait [m/s].
-WAITING_SPEED = 0.2
-
-#: Least share of the speed in irritants, if a law states no least speed: that of FDS+Evac in smoke.
-LEAST_SHARE = 0.1
+WAITING_SPEED = 0.2  #: People slower than this wait [m/s].
+LEAST_SHARE = 0.1  #: Least share of the speed in irritants, if a law states no least speed: that of FDS+Evac in smoke.
 
 
 class SmokeLaw(Configurable, ABC):

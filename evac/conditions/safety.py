@@ -28,11 +28,8 @@ if TYPE_CHECKING:
 #: Least side of the cells of floors [m], and least time between two readings of the air [s].
 SPACING, PERIOD = 0.5, 1.0
 
-#: Name of the compartment that is the whole building.
-WHOLE = "building"
-
-#: Greatest number of cells, and of cells times readings.
-MOST_CELLS, MOST_READINGS = 50_000, 10_000_000
+WHOLE = "building"  #: Name of the compartment that is the whole building.
+MOST_CELLS, MOST_READINGS = 50_000, 10_000_000  #: Greatest number of cells, and of cells times readings.
 
 #: Criteria of the air, and the quantities of which they need one.
 CRITERIA = {

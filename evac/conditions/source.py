@@ -55,21 +55,16 @@ QUANTITIES = MappingProxyType(
     }
 )
 
-#: The irritant gases.
-IRRITANTS = ("hcl", "hbr", "hf", "so2", "no2", "acrolein", "formaldehyde")
+IRRITANTS = ("hcl", "hbr", "hf", "so2", "no2", "acrolein", "formaldehyde")  #: The irritant gases.
 
 
-#: Height of the head, at which people breathe and see, over that of the body; 1.6 m for a body of 1.78 m.
-HEAD = 0.9
-
-#: Temperature that no fire begins with [C]; values in kelvin are above it.
-HOTTEST_START = 150.0
+HEAD = 0.9  #: Height of the head, at which people breathe and see, over that of the body; 1.6 m for a body of 1.78 m.
+HOTTEST_START = 150.0  #: Temperature that no fire begins with [C]; values in kelvin are above it.
 
 #: A span between two times is a gap if it is this many times the median, of at least so many spans.
 GAP, LEAST_SPANS = 10.0, 3
 
-#: Times that differ by less are the same [s].
-AT_ONCE = 1e-6
+AT_ONCE = 1e-6  #: Times that differ by less are the same [s].
 
 
 def gap_in(times: FloatArray) -> str:

@@ -25,11 +25,8 @@ BASES = {
     "regulation": "people walk without anticipation, with the flows through doors that standard tests prescribe",
 }
 
-#: The source of conditions for which `evac conditions deck` prints lines.
-DEFAULT_FIRE = "fds"
-
-#: The dispatcher of lifts of a case that names none.
-DEFAULT_DISPATCHER = "top_down"
+DEFAULT_FIRE = "fds"  #: The source of conditions for which `evac conditions deck` prints lines.
+DEFAULT_DISPATCHER = "top_down"  #: The dispatcher of lifts of a case that names none.
 
 #: Solvers of the contact problem: that of models, and that of solves in which another solver fails.
 DEFAULT_SOLVER, DEFAULT_STRONGER_SOLVER = "accelerated_sweeps", "conjugate_faces"

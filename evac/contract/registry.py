@@ -32,8 +32,7 @@ RETURNED_BY = {kind: f"evac_{kind}s" for kind in KINDS} | {"case": "evac_buildin
 HOOKS = [name for name in vars(hooks) if name.startswith("evac_")]
 RUN_HOOKS = [name for name in HOOKS if name not in RETURNED_BY.values()]
 
-#: Names that would hide a key of their section.
-RESERVED = {("contact_model", "model")}
+RESERVED = {("contact_model", "model")}  #: Names that would hide a key of their section.
 
 
 @cache
@@ -209,8 +208,7 @@ def kind_of(item: Any) -> str:
     return next((kind for kind, known in KINDS.items() if known[:2] in bases), "")
 
 
-#: Prefix of the names of modules made from plugin files.
-FILE_PREFIX = "evac_plugin_"
+FILE_PREFIX = "evac_plugin_"  #: Prefix of the names of modules made from plugin files.
 
 
 @dataclass(frozen=True)

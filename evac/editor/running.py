@@ -35,8 +35,7 @@ from evac.results.reading import read_results
 from evac.study.study import read_study
 from evac.trajectory.trajectory import Trajectory, continued, read_trajectory
 
-#: Files of a result that the page links to.
-SHOWN = (REPLAY_NAME, REPORT_NAME)
+SHOWN = (REPLAY_NAME, REPORT_NAME)  #: Files of a result that the page links to.
 
 
 class Command:

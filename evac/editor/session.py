@@ -84,8 +84,7 @@ def _checked(row: Mapping[str, Any]) -> dict[str, Any]:
 JOURNAL = ".unsaved"
 #: Time between two looks at the file on the disk, and at the run of the case [s].
 LOOK_EVERY = 0.5
-#: Shares of people for which the page gets the values of a distribution.
-SHARES = np.linspace(0.0, 1.0, 101)[1:-1]
+SHARES = np.linspace(0.0, 1.0, 101)[1:-1]  #: Shares of people for which the page gets the values of a distribution.
 
 
 class ChangedOnDiskError(EvacError):

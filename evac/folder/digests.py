@@ -17,8 +17,7 @@ from typing import Any, BinaryIO
 from evac.base.errors import EvacError, ResultError, check_regular
 from evac.folder.files import writing
 
-#: Bytes that are read at once.
-CHUNK = 1 << 20
+CHUNK = 1 << 20  #: Bytes that are read at once.
 
 
 def digest_of_file(path: Path) -> str:

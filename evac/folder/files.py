@@ -47,26 +47,21 @@ BUILDING_FOLDER = "building"
 FRAMES_FOLDER = "frames"
 
 
-#: Default folder of `evac export`.
-EXPORT_FOLDER = "export"
+EXPORT_FOLDER = "export"  #: Default folder of `evac export`.
 
 #: Default files of `evac render`.
 PICTURE_NAME = "picture.png"
 FILM_NAME = "film.gif"
 
-#: The report of `evac report`.
-REPORT_NAME = "report.html"
-
-#: Key of a summary that lists the files of plugins, relative to the folder.
-PLUGIN_FILES = "plugin_files"
+REPORT_NAME = "report.html"  #: The report of `evac report`.
+PLUGIN_FILES = "plugin_files"  #: Key of a summary that lists the files of plugins, relative to the folder.
 
 #: Name of the manifest, what its first line says, and the beginning of the names of files that are being written.
 MANIFEST_NAME = "manifest.jsonl"
 MARK = {"evac": "manifest", "schema": 1}
 TEMPORARY = ".evac-"
 
-#: States of a folder: a run writes to it, or it is complete.
-RUNNING, COMPLETE = "running", "complete"
+RUNNING, COMPLETE = "running", "complete"  #: States of a folder: a run writes to it, or it is complete.
 
 
 def frame_name(k: int) -> str:

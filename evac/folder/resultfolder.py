@@ -23,11 +23,8 @@ from typing import Any, Self
 from evac.base.errors import FolderWarning, ResultError, usable_path
 from evac.folder import files
 
-#: Errors of file systems that have no locks.
-NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
-
-#: Time in which a lock that its last holder is releasing becomes free [s].
-PATIENCE = 0.2
+NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)  #: Errors of file systems that have no locks.
+PATIENCE = 0.2  #: Time in which a lock that its last holder is releasing becomes free [s].
 
 
 @contextmanager
@@ -95,8 +92,7 @@ def _holder(path: Path) -> str | None:
         return None
 
 
-#: Name of the file of a case in its folder.
-CASE_NAME = "case.toml"
+CASE_NAME = "case.toml"  #: Name of the file of a case in its folder.
 
 #: Suffix added to the name of a file by other programs if a run has written a file with the same name.
 EARLIER = ".earlier"

@@ -337,8 +337,7 @@ def _wrapper(context: Any, description: Any, arguments: list[Any], entry: Entry,
 
 # Errors, in one line each: the reason that numba states, and its place
 
-#: Beginnings of lines of numba's messages that name no reason.
-_FRAMES = ("Failed in ", "During: ", "File ")
+_FRAMES = ("Failed in ", "During: ", "File ")  #: Beginnings of lines of numba's messages that name no reason.
 
 #: Beginning of the reason if a kernel returns values of different types; numba names one of the lines by chance.
 UNLIKE = "Can't unify return type"

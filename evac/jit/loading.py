@@ -56,15 +56,13 @@ def host() -> Processor:
     return Processor(llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
 
 
-#: Called with the number of finished kernels and the total number.
-Compiling = Callable[[int, int], None]
+Compiling = Callable[[int, int], None]  #: Called with the number of finished kernels and the total number.
 
 #: Cost model in units of about 70 us: front end per byte of byte code of a function, once per process; optimisation per
 #: byte of byte code of an entry with all its callees; start of a process.
 _FRONT, _BACK, _START = 3, 1, 15_000
 
-#: Longest time between reports of progress [s].
-_TOLD_EVERY = 1.0
+_TOLD_EVERY = 1.0  #: Longest time between reports of progress [s].
 
 
 class Compilation(NamedTuple):

@@ -154,8 +154,7 @@ def _values_of(name: str, value: Any, names: list[str]) -> list[tuple[str, Any]]
     return values
 
 
-#: First bytes of a file.
-_MAGIC = b"evac kernel 1\n"
+_MAGIC = b"evac kernel 1\n"  #: First bytes of a file.
 
 
 def cache_root() -> Path | None:

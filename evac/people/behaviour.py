@@ -35,11 +35,8 @@ _LEGAL = {
 #: Remedy for a behaviour that has written to an array that it does not declare in `writes`.
 DECLARE = "add the array to `writes`"
 
-#: What behaviours may write.
-WRITABLE = ("start_time", "route", "speed_factor", "extra_direction")
-
-#: Velocities of nobody.
-NOBODY = np.zeros((0, 2))
+WRITABLE = ("start_time", "route", "speed_factor", "extra_direction")  #: What behaviours may write.
+NOBODY = np.zeros((0, 2))  #: Velocities of nobody.
 
 Arrays = TypeVar("Arrays", Crowd, Outside)
 

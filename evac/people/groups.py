@@ -150,8 +150,7 @@ USUAL = (
     ("tau", "s", 0.01, 2.0),
 )
 
-#: Initial overlaps below this are taken as rounding errors [m].
-ROUNDING = 1e-6
+ROUNDING = 1e-6  #: Initial overlaps below this are taken as rounding errors [m].
 
 
 def unusual(crowd: Crowd, groups: "Sequence[Group]") -> tuple[str, ...]:

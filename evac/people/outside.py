@@ -9,11 +9,8 @@ from evac.jit import Floats, Ints, Pairs, Struct, kernel
 from evac.physics.driver import FASTEST
 from evac.physics.state import Crowd
 
-#: Distance behind the line of an exit up to which people who have left are seen [m].
-REACH = 2.0
-
-#: Rounding error of unit vectors.
-ROUNDING = 1e-9
+REACH = 2.0  #: Distance behind the line of an exit up to which people who have left are seen [m].
+ROUNDING = 1e-9  #: Rounding error of unit vectors.
 
 
 class Outside(Struct):

@@ -13,8 +13,7 @@ from evac.base.errors import ScenarioError
 from evac.jit import Bytes, Floats, IntGrid, Ints, Pairs, Quads, Struct, Triples, inner, kernel
 from evac.physics.contact.neighbours import segment_distance
 
-#: Number of rounds of random candidates, with two per person, before the lattice is tried.
-ROUNDS = 40
+ROUNDS = 40  #: Number of rounds of random candidates, with two per person, before the lattice is tried.
 
 #: Maximum number of candidates per round, for polygons that cover little of their bounding box.
 MOST_CANDIDATES = 4_000_000
@@ -25,8 +24,7 @@ DENSEST = 0.95
 #: Maximum number of lattice nodes over the bounding box of a polygon, and of cells that discs are sorted into.
 MOST_NODES = 10_000_000
 
-#: Gap between a disc and an adjacent wall, so that rounding errors cannot make them overlap [m].
-MARGIN = 1e-9
+MARGIN = 1e-9  #: Gap between a disc and an adjacent wall, so that rounding errors cannot make them overlap [m].
 
 
 class _Cells(Struct):

@@ -25,11 +25,8 @@ if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.case.schema import GroupSettings, PlaceSettings
 
-#: Distance from a level within which a sign may be, so that it may hang on a wall [m].
-ON_WALL = 0.5
-
-#: Speed along the way below which people have come to a stop, and stay where they are in a place [m/s].
-STANDS = 0.1
+ON_WALL = 0.5  #: Distance from a level within which a sign may be, so that it may hang on a wall [m].
+STANDS = 0.1  #: Speed along the way below which people have come to a stop, and stay where they are in a place [m/s].
 
 
 @dataclass(frozen=True)

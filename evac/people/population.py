@@ -32,12 +32,10 @@ if TYPE_CHECKING:
     from evac.case.schema import GroupSettings
 
 
-#: Tolerance for rounded positions outside a level or inside a wall [m].
-ROUNDING = 1e-6
+ROUNDING = 1e-6  #: Tolerance for rounded positions outside a level or inside a wall [m].
 
 
-#: Distance from the building within which a saved position must lie [m].
-BEYOND = 10.0
+BEYOND = 10.0  #: Distance from the building within which a saved position must lie [m].
 
 #: Arrays of the crowd that are heeded if others than their owners write them between ticks, and before the first one.
 HEEDED = ("start_time", "speed", "route")

@@ -209,11 +209,8 @@ def _enclosures(building: Building, level: Level, faces: FloatArray) -> BaseGeom
     return shapely.union_all(found)
 
 
-#: Places that are tried at random for each person at each tick.
-TRIES = 64
-
-#: Gap between people, and from people to walls, at the place where somebody comes in [m].
-GAP = 0.01
+TRIES = 64  #: Places that are tried at random for each person at each tick.
+GAP = 0.01  #: Gap between people, and from people to walls, at the place where somebody comes in [m].
 
 
 def times_of_arrival(people: "GroupSettings", seed: int) -> FloatArray:

@@ -39,14 +39,9 @@ from evac.physics.status import (
     WALL_CROSSED,
 )
 
-#: Largest number of parts that a step is divided into before the run is stopped.
-GREATEST_PARTS = 256
-
-#: Largest number of calls of a law in a sub-step; a law that needs more does not terminate.
-MOST_CALLS = 100
-
-#: Largest speed [m/s]; only contacts that create energy lead to larger speeds, so the run is stopped.
-FASTEST = 100.0
+GREATEST_PARTS = 256  #: Largest number of parts that a step is divided into before the run is stopped.
+MOST_CALLS = 100  #: Largest number of calls of a law in a sub-step; a law that needs more does not terminate.
+FASTEST = 100.0  #: Largest speed [m/s]; only contacts that create energy lead to larger speeds, so the run is stopped.
 
 #: Call a contact law with the state, its own parameters and the length of the sub-step [s]; it returns a status.
 call_law = AddressCall([State, Struct, float], (int,))

@@ -53,8 +53,7 @@ from evac.physics.state import (
 )
 from evac.physics.world import have_seams
 
-#: Places are rounded to a grid of 1 / PER_METRE [m], which repeats every 2**28 / PER_METRE = 4 km.
-PER_METRE = 65536
+PER_METRE = 65536  #: Places are rounded to a grid of 1 / PER_METRE [m], which repeats every 2**28 / PER_METRE = 4 km.
 
 #: Shifts and masks that put a zero between any two of the lower 28 bits of a number.
 _SPREAD = (

@@ -3,8 +3,7 @@
 from evac.jit import AddressCall, inner, kernel
 from evac.physics.state import World
 
-#: Tolerance of positions on portal lines [m].
-SEAM = 1e-9
+SEAM = 1e-9  #: Tolerance of positions on portal lines [m].
 
 
 @inner

@@ -10,8 +10,7 @@ from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Indices, Ints, Longs, P
 from evac.jit.kernels import Array
 from evac.physics import tallies as at
 
-#: Firmness of people who stand firm, whom the push of others does not move.
-FIRM = 1e6
+FIRM = 1e6  #: Firmness of people who stand firm, whom the push of others does not move.
 
 #: Rows of the packed contact problem, see `evac.physics.contact.rows`.
 RowData = Annotated[NDArray[np.float64], Array("float64", (None, 5))]
@@ -453,11 +452,8 @@ S = TypeVar("S", bound=Struct)
 CELLS_PER_PERSON = 4
 CELLS_PER_LEVEL = 1024
 
-#: Skin of neighbour lists: additional search distance, so that lists remain valid for several steps [m].
-SKIN = 0.3
-
-#: Maximum number of walls within the reach of one body.
-NEAR_WALLS = 60
+SKIN = 0.3  #: Skin of neighbour lists: additional search distance, so that lists remain valid for several steps [m].
+NEAR_WALLS = 60  #: Maximum number of walls within the reach of one body.
 
 
 def allocate(struct: type[S], length: int, **given: Any) -> S:

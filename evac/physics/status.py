@@ -8,8 +8,7 @@ WALLS_FULL = 2
 CONTACTS_FULL = 3
 EVENTS_FULL = 5
 
-#: There are more walls near one body than the wall search can hold.
-NEAR_WALLS_FULL = 4
+NEAR_WALLS_FULL = 4  #: There are more walls near one body than the wall search can hold.
 
 #: Failures that smaller sub-steps may avoid.
 WALL_CROSSED = 6
@@ -17,8 +16,7 @@ TOO_FAST = 8
 TOO_STIFF = 9
 CENTRES_PASSED = 10
 
-#: A failure that smaller sub-steps do not avoid.
-NOT_FINITE = 7
+NOT_FINITE = 7  #: A failure that smaller sub-steps do not avoid.
 
 #: A law requests another contact search with new reaches, or a separation of overlaps, and then another call.
 SEARCH_AGAIN = 20

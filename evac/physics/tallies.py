@@ -36,8 +36,7 @@
     DEEPEST_Y,
 ) = range(30)
 
-#: Names of the tallies, in order.
-NAMES = tuple(name.lower() for name in [*globals()] if name.isupper())
+NAMES = tuple(name.lower() for name in [*globals()] if name.isupper())  #: Names of the tallies, in order.
 
 #: Tallies that are not counts.
 MEASURES = {

@@ -16,8 +16,7 @@ from evac.physics.state import World
 BUCKET_REACH = 1.0
 BUCKET_SIZE = 0.5
 
-#: Walls at most this far behind an exit are beside it [m].
-ROUNDING = 1e-6
+ROUNDING = 1e-6  #: Walls at most this far behind an exit are beside it [m].
 
 
 def make_world(building: Building, fields: Fields) -> World:

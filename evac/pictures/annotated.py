@@ -29,8 +29,7 @@ from evac.pictures.writing import legible_figure, save
 
 #: Supported file name endings of pictures.
 PICTURES = (".png", ".svg", ".pdf")
-#: Maximum number of findings listed below a picture.
-MOST_LISTED = 40
+MOST_LISTED = 40  #: Maximum number of findings listed below a picture.
 
 AREA, OPENING, UPHILL = "#7d5fb2", "#d9730d", "#a8842c"
 MARK = dict.fromkeys(("error", "missing", "warning", "left out"), "#c0392b")
@@ -40,8 +39,7 @@ MARK |= {"repaired": "#1f77b4", "assumed": "#b8860b"}
 RING, REACH = 8.0, 6
 #: Area of a letter of the names of areas [points2]: an area that is smaller than its name has none.
 LETTER = 29.0
-#: Background of names.
-PAPER = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7}
+PAPER = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7}  #: Background of names.
 
 #: Height of a line of the list and margin around it [inches], and number of letters per inch.
 LINE, MARGIN, LETTERS = 0.17, 0.3, 13.5

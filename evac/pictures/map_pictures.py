@@ -35,20 +35,14 @@ from evac.trajectory.trajectory import Trajectory
 #: Colours of floors where a map has no value, and of cells that are never cleared.
 NO_VALUE, NEVER = "#eef0f3", "#7a0177"
 
-#: Least distance of two ticks, as a share of a colour bar.
-LEAST_STEP = 0.03
-
-#: Greatest number of letters of a title for changes of the scene.
-MOST_SAID = 80
-
-#: Number of letters per inch of a line of the title, and of the label of a colour bar.
-LETTERS = 13
+LEAST_STEP = 0.03  #: Least distance of two ticks, as a share of a colour bar.
+MOST_SAID = 80  #: Greatest number of letters of a title for changes of the scene.
+LETTERS = 13  #: Number of letters per inch of a line of the title, and of the label of a colour bar.
 
 #: What is written beside lines on maps of the flow.
 FLOW_LABELS = "labels: people who passed the line, and people per second and metre"
 
-#: The formats that a picture of a map can have.
-FORMATS = (".png", ".svg", ".pdf", ".jpg", ".jpeg")
+FORMATS = (".png", ".svg", ".pdf", ".jpg", ".jpeg")  #: The formats that a picture of a map can have.
 
 
 def draw_map(

@@ -16,14 +16,9 @@ from evac.pictures.palette import TEXT, group_colours
 from evac.pictures.writing import legible_figure
 from evac.results.results import Results
 
-#: Maximum number of groups that are drawn as separate lines.
-MOST_GROUPS = 12
-
-#: Maximum number of lines of a study that a legend names.
-MOST_LINES = 12
-
-#: Width and height of a picture [inches].
-SIZE = (8.0, 5.0)
+MOST_GROUPS = 12  #: Maximum number of groups that are drawn as separate lines.
+MOST_LINES = 12  #: Maximum number of lines of a study that a legend names.
+SIZE = (8.0, 5.0)  #: Width and height of a picture [inches].
 
 
 def egress_figure(results: Results, size: tuple[float, float] = SIZE, has_title: bool = True) -> Figure:

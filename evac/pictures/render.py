@@ -26,14 +26,9 @@ from evac.trajectory.trajectory import Trajectory
 if TYPE_CHECKING:
     from evac.building.model.lifts import CarState
 
-#: Figures have heights of whole steps of this share of the radius, so that people share images.
-HEIGHT_STEP = 0.5
-
-#: Least height of a figure in these steps, so that the head is above the shoulders.
-LEAST_STEPS = 6
-
-#: Opacity of people behind a floor or a wall.
-HIDDEN = 0.45
+HEIGHT_STEP = 0.5  #: Figures have heights of whole steps of this share of the radius, so that people share images.
+LEAST_STEPS = 6  #: Least height of a figure in these steps, so that the head is above the shoulders.
+HIDDEN = 0.45  #: Opacity of people behind a floor or a wall.
 
 #: Lower and upper end of the belt, as shares of the height: up to the shoulders, so that it is seen from above.
 BELT = 0.6, 0.755
@@ -41,8 +36,7 @@ BELT = 0.6, 0.755
 #: Direction of light, from the left, above and behind the camera: right, up, towards the camera.
 LIGHT = np.array([-0.45, 0.55, 0.70])
 
-#: Subpixels per pixel in each direction, for smooth edges.
-FINE = 4
+FINE = 4  #: Subpixels per pixel in each direction, for smooth edges.
 
 
 class Pawn(NamedTuple):
@@ -152,11 +146,8 @@ def _surface(tall: float, elevation: float, density: int) -> tuple[FloatArray, .
     return point[0][front], point[1][front], point[2][front], shade[front], parts[front]
 
 
-#: Extinction coefficients of the scale [1/m].
-TOLD = (0.1, 0.3, 1.0, 3.0, 10.0)
-
-#: Extinction coefficients that are not drawn [1/m], and the colour of smoke.
-THIN, GREY = 0.02, (70, 66, 62)
+TOLD = (0.1, 0.3, 1.0, 3.0, 10.0)  #: Extinction coefficients of the scale [1/m].
+THIN, GREY = 0.02, (70, 66, 62)  #: Extinction coefficients that are not drawn [1/m], and the colour of smoke.
 
 
 class Smoke:
@@ -207,11 +198,8 @@ FILMS = (".gif", ".mp4")
 
 #: Bounds of the sides of pictures, and of a person's radius [pixels].
 LEAST_SIDE, MOST_SIDE, MOST_RADIUS = 64, 4_000, 400
-#: Greatest number of pictures of a film.
-MOST_PICTURES = 100_000
-
-#: Views of a building.
-VIEWS = ("3d", "plan")
+MOST_PICTURES = 100_000  #: Greatest number of pictures of a film.
+VIEWS = ("3d", "plan")  #: Views of a building.
 
 
 class _Drawn(NamedTuple):

@@ -19,8 +19,7 @@ from evac.base.parameters import did_you_mean
 from evac.pictures import palette
 from evac.trajectory.trajectory import Frame, Trajectory
 
-#: Share of the values of a map that the upper end of its scale is above, if the table has none.
-MOST_VALUES = 0.99
+MOST_VALUES = 0.99  #: Share of the values of a map that the upper end of its scale is above, if the table has none.
 
 
 class Service(NamedTuple):
@@ -39,8 +38,7 @@ SERVICES = {
     "weidmann": Service("Weidmann (1993)", (0.1, 0.3, 0.45, 0.6, 0.75, 1.0, 1.5, 2.0), "ABCDEFGHI"),
 }
 
-#: Upper end of scales of densities [1/m2].
-DENSITY_TOP = 5.0
+DENSITY_TOP = 5.0  #: Upper end of scales of densities [1/m2].
 
 
 @dataclass(frozen=True)
@@ -163,14 +161,9 @@ def round_up(value: float) -> float:
     return float(f"{end:.2g}")
 
 
-#: What people can be coloured by.
-COLOURINGS = ("group", *PEOPLE)
-
-#: Extinction coefficient of air that is as good as clear [1/m].
-CLEAR = 1e-6
-
-#: Maximum number of groups in a legend.
-LEGEND_GROUPS = 24
+COLOURINGS = ("group", *PEOPLE)  #: What people can be coloured by.
+CLEAR = 1e-6  #: Extinction coefficient of air that is as good as clear [1/m].
+LEGEND_GROUPS = 24  #: Maximum number of groups in a legend.
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,7 @@ WHITE = (255, 255, 255)
 #: The font shipped with matplotlib, which covers most alphabets, and its bold face.
 FONTS = tuple(str(Path(matplotlib.get_data_path(), "fonts", "ttf", f"DejaVuSans{face}.ttf")) for face in ("", "-Bold"))
 
-#: What is a number, or is not, as a whole.
-WORD = re.compile(r"""[^\s"'.,:;()\[\]]+""")
+WORD = re.compile(r"""[^\s"'.,:;()\[\]]+""")  #: What is a number, or is not, as a whole.
 
 
 @cache

@@ -22,8 +22,7 @@ from evac.results.results import Results
 from evac.results.verdict import LeastMargin, Verdict, least_margins
 from evac.trajectory.trajectory import Trajectory
 
-#: Greatest number of people with the least margins that are listed.
-MOST_MARGINS = 10
+MOST_MARGINS = 10  #: Greatest number of people with the least margins that are listed.
 
 
 @dataclass(frozen=True)
@@ -148,11 +147,8 @@ def _versions(versions: Any) -> str:
     return ", ".join(f"{name} {version}" for name, version in versions.items())
 
 
-#: Lines of floors are drawn with this tolerance [m], which keeps the picture small.
-TOLERANCE = 0.05
-
-#: At most so many people are drawn.
-MOST_PEOPLE = 1500
+TOLERANCE = 0.05  #: Lines of floors are drawn with this tolerance [m], which keeps the picture small.
+MOST_PEOPLE = 1500  #: At most so many people are drawn.
 
 
 def texts(account: Account) -> dict[str, str]:

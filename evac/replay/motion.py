@@ -40,14 +40,9 @@ from evac.building.model.elevation import PLANE
 from evac.pictures.palette import DEPTH
 from evac.trajectory.trajectory import Frame
 
-#: Resolution of positions [m].
-GRAIN = 0.01
-
-#: Resolution of times that people have waited [s], and of speeds [m/s].
-MOMENT, PACE = 0.01, 0.01
-
-#: Resolution of doses, and the greatest one that is stored.
-PART, MOST_DOSE = 0.001, 10.0
+GRAIN = 0.01  #: Resolution of positions [m].
+MOMENT, PACE = 0.01, 0.01  #: Resolution of times that people have waited [s], and of speeds [m/s].
+PART, MOST_DOSE = 0.001, 10.0  #: Resolution of doses, and the greatest one that is stored.
 
 #: Number of directions, and 1000 times the unit vector of each, as whole numbers that the page computes alike.
 DIRECTIONS = 64
@@ -57,8 +52,7 @@ ESCAPE = 255
 
 STREAMS = ("times", "events", "steps", "heights", "speeds", "waited", "forces", "doses", "headings", "smoke", "wide")
 
-#: Streams in which sequences repeat.
-REPEATING = ("events", "waited", "doses", "smoke")
+REPEATING = ("events", "waited", "doses", "smoke")  #: Streams in which sequences repeat.
 
 
 class _Stream:

@@ -29,22 +29,17 @@ from evac.results.results import Results
 from evac.results.verdict import bars
 from evac.trajectory.trajectory import Trajectory
 
-#: Largest time or length that the page gets [s or m]; a response time may be as large as a float can be.
-LARGEST = 1e9
+LARGEST = 1e9  #: Largest time or length that the page gets [s or m]; a response time may be as large as a float can be.
 
 #: Number of states of people beyond which a page has only every second recorded time, every third, ...
 MOST_STATES = 800_000
 
-#: Greatest number of compartments with a bar, those with the least margins.
-MOST_BARS = 5
-
-#: Template, style and scripts.
-PAGE = Path(__file__).with_name("page")
+MOST_BARS = 5  #: Greatest number of compartments with a bar, those with the least margins.
+PAGE = Path(__file__).with_name("page")  #: Template, style and scripts.
 
 #: Script that decompresses and runs the others, and the last one of these.
 LOADER, MAIN = "loader.js", "main.js"
-#: Lines that are comments of scripts, which the page has no use for.
-COMMENT = re.compile(r"^ *//.*\n", re.M)
+COMMENT = re.compile(r"^ *//.*\n", re.M)  #: Lines that are comments of scripts, which the page has no use for.
 
 
 def write_page(path: Path, motion: MotionPacker, account: Account, changes: Sequence[Change]) -> None:

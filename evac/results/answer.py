@@ -14,14 +14,9 @@ from evac.contract.hooks import DEFAULT_MOVEMENT
 if TYPE_CHECKING:
     from evac.results.results import Results
 
-#: Share of the people whose time is stated besides that of the last one [%].
-MOST = 95.0
-
-#: Number of exits that are named, those used most.
-MOST_EXITS = 4
-
-#: Least share of all waiting with which a second queue is named.
-SECOND = 0.1
+MOST = 95.0  #: Share of the people whose time is stated besides that of the last one [%].
+MOST_EXITS = 4  #: Number of exits that are named, those used most.
+SECOND = 0.1  #: Least share of all waiting with which a second queue is named.
 
 
 class Answer(NamedTuple):

@@ -17,8 +17,7 @@ from evac.physics.state import Crowd
 if TYPE_CHECKING:
     from evac.case.schema import SimulationSettings
 
-#: Time over which the speeds of each person are averaged [s].
-SPAN = 2.0
+SPAN = 2.0  #: Time over which the speeds of each person are averaged [s].
 
 #: Time over which contact forces, which vary from step to step, are averaged [s]. They are sampled at the recorded
 #: times, and the mean is over at least this number of samples.
@@ -266,17 +265,13 @@ DURATION_OVER = "duration over"
 NO_PROGRESS = "no progress"
 INTERRUPTED = "interrupted"
 
-#: Reason in the tables of a run that failed.
-FAILED = "failed"
+FAILED = "failed"  #: Reason in the tables of a run that failed.
 
 #: A person makes progress when its least remaining travel time has fallen by this much since its last progress [s].
 PROGRESS = 0.25
 
-#: People inside when a run ends who have made no progress for this long are stuck [s].
-STANDING = 10.0
-
-#: Simulated time between two checks of the progress [s].
-PROGRESS_EVERY = 1.0
+STANDING = 10.0  #: People inside when a run ends who have made no progress for this long are stuck [s].
+PROGRESS_EVERY = 1.0  #: Simulated time between two checks of the progress [s].
 
 
 class Stopped(KeyboardInterrupt):

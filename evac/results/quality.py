@@ -26,11 +26,8 @@ LEAST_FLOW = 0.5
 QUEUE = 5
 QUEUE_SPAN = 10.0
 
-#: Gap between bodies within which people at a place are in the way of somebody without progress [m].
-BESIDE = 0.5
-
-#: Net energy created by contacts is reported if it exceeds this share of the work of driving.
-MADE = 0.01
+BESIDE = 0.5  #: Gap between bodies within which people at a place are in the way of somebody without progress [m].
+MADE = 0.01  #: Net energy created by contacts is reported if it exceeds this share of the work of driving.
 
 
 def contact_warnings(

@@ -17,11 +17,8 @@ from evac.results.answer import time_of_share
 if TYPE_CHECKING:
     from evac.results.results import Results
 
-#: Shares of the people whose times are told [%].
-SHARES = (5, 10, 25, 50, 75, 90, 95, 98, 100)
-
-#: Greatest numbers of doors, of portals and of queues.
-MOST_FLOWS = 10
+SHARES = (5, 10, 25, 50, 75, 90, 95, 98, 100)  #: Shares of the people whose times are told [%].
+MOST_FLOWS = 10  #: Greatest numbers of doors, of portals and of queues.
 
 
 class Kind(NamedTuple):
@@ -88,17 +85,13 @@ TABLES = {
     ),
 }
 
-#: Row of the outcomes with the time of the hydraulic calculation.
-HYDRAULIC = "hydraulic evacuation time [s]"
+HYDRAULIC = "hydraulic evacuation time [s]"  #: Row of the outcomes with the time of the hydraulic calculation.
 
 #: Row of the outcomes with the waiting of all people together, if their motion was recorded.
 WAITED = "waiting of all people [s]"
 
-#: What the row of the outcomes with the number of people at a safe place begins with.
-AT = "people at "
-
-#: Rows of a table: words, and numbers, None where there is none.
-Rows = list[tuple[Any, ...]]
+AT = "people at "  #: What the row of the outcomes with the number of people at a safe place begins with.
+Rows = list[tuple[Any, ...]]  #: Rows of a table: words, and numbers, None where there is none.
 
 
 def tables_of(run: "Results") -> dict[str, Rows]:

@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from evac.building.model.building import Level
     from evac.trajectory.trajectory import Trajectory
 
-#: What is said where no limit is set.
-NO_LIMIT = "No limit set: a table [safety] in the case sets one"
+NO_LIMIT = "No limit set: a table [safety] in the case sets one"  #: What is said where no limit is set.
 
 #: Criteria in words, by their keys in a case.
 BY = {

@@ -17,11 +17,8 @@ from evac.building.plan.plan import Plan
 from evac.standard.plans import CROWD_SPEED, Row, across, crowd, one_storey, straight_stair
 from evac.standard.trial import Check, Outcome, Trial, check, standard_test
 
-#: Radius, mass and relaxation time of people with known travel times.
-ONE = {"radius": 0.2, "mass": 80.0, "tau": 0.5}
-
-#: A displacement of more than this counts as a start or a push [m].
-MOVED = 1e-2
+ONE = {"radius": 0.2, "mass": 80.0, "tau": 0.5}  #: Radius, mass and relaxation time of people with known travel times.
+MOVED = 1e-2  #: A displacement of more than this counts as a start or a push [m].
 
 #: Mean walking speed by age [years -> m/s] and its standard deviation: the curve of RiMEA 7.
 SPEED_BY_AGE = {20: 1.61, 30: 1.54, 40: 1.48, 50: 1.41, 60: 1.27, 70: 1.07}
@@ -31,8 +28,7 @@ PER_AGE = 50
 #: Cars act at the beginning of ticks: a time between two of their acts has twice the length of one as error [s].
 TWO_TICKS = 0.2 + 1e-6
 
-#: Distance of lanes in which people walk side by side without interaction [m].
-LANE = 2.0
+LANE = 2.0  #: Distance of lanes in which people walk side by side without interaction [m].
 
 #: Response times of NIST 1.1 and ISO 1, with the distribution they are compared with.
 RESPONSES = {
@@ -44,8 +40,7 @@ RESPONSES = {
 }
 ASKED = 300
 
-#: Significance of the Kolmogorov-Smirnov tests.
-ALPHA = 0.05
+ALPHA = 0.05  #: Significance of the Kolmogorov-Smirnov tests.
 
 
 def _place(x: float, y: float = 1.0, z: float = 0.0, **keys: Any) -> Row:
@@ -302,8 +297,7 @@ GASES = (
     (2.0, 5000.0, 18.0, 208.7),
 )
 
-#: Deviation of these times that is tolerated [s].
-GIVEN = 0.1
+GIVEN = 0.1  #: Deviation of these times that is tolerated [s].
 
 
 @standard_test("NIST-2.5 ISO-18", "walking speed in smoke")

@@ -23,8 +23,7 @@ FILLED = (2.0, 82.0)  # m
 SEEN = (58.0, 62.0)  # m
 SEEN_FROM, SEEN_UNTIL = 10.0, 40.0  # s
 
-#: Greatest flow through the door of 1 m [1/s].
-IMO_FLOW = 1.33
+IMO_FLOW = 1.33  #: Greatest flow through the door of 1 m [1/s].
 
 #: Greatest flow per metre up a stair: IMO's and the greatest of SFPE's values by tread [1/s/m].
 STAIR_FLOW = (0.88, 1.16)

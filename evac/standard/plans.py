@@ -8,19 +8,16 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.building.plan.plan import Plan
 
-#: A table of the file of a case, such as a group of people.
-Row = dict[str, Any]
+Row = dict[str, Any]  #: A table of the file of a case, such as a group of people.
 
 Shape = Sequence[tuple[float, float]]
 
-#: Name of the storey of buildings with one storey.
-FLOOR = "floor"
+FLOOR = "floor"  #: Name of the storey of buildings with one storey.
 
 #: Speed of the crowd where a test names none: men of 30 to 50 years (IMO MSC.1/Circ.1533, annex 3) [m/s].
 CROWD_SPEED = {"uniform": [0.97, 1.62]}
 
-#: Numbers of people who come towards the hundred of IMO 8.
-COUNTERS = (0, 10, 50, 100)
+COUNTERS = (0, 10, 50, 100)  #: Numbers of people who come towards the hundred of IMO 8.
 
 
 def one_storey(

@@ -25,14 +25,9 @@ from evac.trajectory.trajectory import Trajectory, read_trajectory
 
 Measure = TypeVar("Measure", bound=Callable[..., Iterable["Check"]])
 
-#: Contact model where none is set, that of new cases.
-CONTACT_MODEL = "nsm2"
-
-#: Longest run [s], and the time between two recorded states [s].
-DURATION, EVERY = 900.0, 0.1
-
-#: Output of runs with many people, of which exit times alone are measured.
-SELDOM = {"every": 1.0}
+CONTACT_MODEL = "nsm2"  #: Contact model where none is set, that of new cases.
+DURATION, EVERY = 900.0, 0.1  #: Longest run [s], and the time between two recorded states [s].
+SELDOM = {"every": 1.0}  #: Output of runs with many people, of which exit times alone are measured.
 
 
 @dataclass(frozen=True)
@@ -52,8 +47,7 @@ class StandardTest:
         return self.names[0]
 
 
-#: The tests that are run, in the order of their functions.
-MADE: list[StandardTest] = []
+MADE: list[StandardTest] = []  #: The tests that are run, in the order of their functions.
 
 
 def standard_test(

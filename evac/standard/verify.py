@@ -99,8 +99,7 @@ Answer = TypeVar("Answer")
 #: Call by which runs do not warn: pages say what came of them.
 QUIET: tuple[Callable[..., None], tuple[object, ...]] = (warnings.simplefilter, ("ignore", RunWarning))
 
-#: Files of a checkout that affect the results.
-CODE = (":/*.py", ":/*.toml", ":/*.msh")
+CODE = (":/*.py", ":/*.toml", ":/*.msh")  #: Files of a checkout that affect the results.
 
 #: Files of the folder of `evac verify`, beside those of the tests.
 PAGE_NAME, TABLE_NAME = "verification.html", "verification.csv"

@@ -35,11 +35,8 @@ from evac.study.points import SEEDS, Point, Seeds
 #: Estimated wall time of the remaining tasks from which a pool makes them: its processes take half of it to start [s].
 JOINING = 3.0
 
-#: Number of tasks that a given executor has at a time.
-IN_FLIGHT = 1000
-
-#: Number of times that Dask repeats a task whose worker has died, in addition to its own attempts.
-DASK_RETRIES = 3
+IN_FLIGHT = 1000  #: Number of tasks that a given executor has at a time.
+DASK_RETRIES = 3  #: Number of times that Dask repeats a task whose worker has died, in addition to its own attempts.
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,8 @@ if TYPE_CHECKING:
     from evac.results.results import Results
     from evac.study.study import Study
 
-#: Distance of grid points of maps over runs [m].
-SPACING = 0.5
-
-#: The least margin of the people whose margin was least in a cell [s].
-MARGIN = "least_margin"
+SPACING = 0.5  #: Distance of grid points of maps over runs [m].
+MARGIN = "least_margin"  #: The least margin of the people whose margin was least in a cell [s].
 
 #: Limits beyond which the share of runs is shown; margins are beyond theirs where they are less.
 LIMITS = {"max_density": DENSITY, "waiting": 10.0, MARGIN: 0.0}

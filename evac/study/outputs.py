@@ -31,11 +31,8 @@ if TYPE_CHECKING:
 #: Greatest number of times of an egress curve over runs; in longer runs their distance exceeds ``output.every``.
 MOST_TIMES = 2000
 
-#: Greatest number of points whose egress curves are drawn in one figure.
-MOST_CURVES = 8
-
-#: Columns by which runs are ranked for replays.
-COUNTED = ("run", "last_out", "out")
+MOST_CURVES = 8  #: Greatest number of points whose egress curves are drawn in one figure.
+COUNTED = ("run", "last_out", "out")  #: Columns by which runs are ranked for replays.
 
 #: Maximum number of kinds of quality warnings and of seeds that are named in remarks.
 MOST_WARNINGS = 10

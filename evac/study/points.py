@@ -16,18 +16,14 @@ from evac.case.loading import load_case, run_plugin_files
 from evac.case.overrides import value_of
 from evac.contract.registry import Registry
 
-#: Keys that a study sets for each run.
-SEEDS = ("simulation.seed", "simulation.population_seed")
+SEEDS = ("simulation.seed", "simulation.population_seed")  #: Keys that a study sets for each run.
 
 #: Greatest number of points of a study, and greatest size of a table of points [bytes].
 MOST_POINTS = 10_000
 MOST_BYTES = 64 * 2**20
 
-#: Key of the time step.
-STEP = "simulation.step"
-
-#: Column of a table of cases that names the case of a row.
-CASE_COLUMN = "case"
+STEP = "simulation.step"  #: Key of the time step.
+CASE_COLUMN = "case"  #: Column of a table of cases that names the case of a row.
 
 
 @dataclass(frozen=True)

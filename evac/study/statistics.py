@@ -24,29 +24,23 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray
 from evac.base.errors import ScenarioError, counted
 
-#: Confidence level of the intervals.
-CONFIDENCE = 0.95
-
-#: Percentiles of the evacuation time in tables and summaries.
-PERCENTILES = (5.0, 50.0, 95.0)
+CONFIDENCE = 0.95  #: Confidence level of the intervals.
+PERCENTILES = (5.0, 50.0, 95.0)  #: Percentiles of the evacuation time in tables and summaries.
 
 #: Number of resamples of a bootstrap, and their seed, which is fixed so that intervals depend only on the times.
 RESAMPLES = 2000
 BOOTSTRAP_SEED = 1533
 
-#: Least number of values for a bootstrap; fewer values have too few distinct resamples.
-LEAST_FOR_BOOTSTRAP = 8
+LEAST_FOR_BOOTSTRAP = 8  #: Least number of values for a bootstrap; fewer values have too few distinct resamples.
 
 #: Fewer values than that determine no interval of their mean if it reaches beyond 1 / WIDEST and WIDEST times the mean.
 WIDEST = 2.0
 
-#: Skewness of complete runs above which the median is recommended instead of the mean.
-SKEWED = 2.0
+SKEWED = 2.0  #: Skewness of complete runs above which the median is recommended instead of the mean.
 
 MEDIAN = "percentile 50"
 
-#: The scheme of the IMO.
-IMO_POPULATIONS, IMO_REPETITIONS = 100, 5
+IMO_POPULATIONS, IMO_REPETITIONS = 100, 5  #: The scheme of the IMO.
 
 
 @dataclass(frozen=True)

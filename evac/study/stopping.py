@@ -25,8 +25,7 @@ MOST_RUNS = 1000
 #: Greatest number of runs of a study, and of its points together; each takes some memory until the end.
 MOST_OF_STUDY = 1_000_000
 
-#: Least factor by which the number of runs grows from one computation of the interval to the next.
-GROWTH = 1.5
+GROWTH = 1.5  #: Least factor by which the number of runs grows from one computation of the interval to the next.
 
 #: Confidence level of the intervals in this rule, higher to compensate for computing them several times.
 STOPPED_CONFIDENCE = 0.96

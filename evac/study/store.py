@@ -37,11 +37,8 @@ from evac.study.points import Point, Seeds
 from evac.study.stopping import Rule
 from evac.trajectory.trajectory import building_from_json, building_to_json
 
-#: Longest time after which rows are forced to disk, when the next one is appended [s].
-SYNC_EVERY = 1.0
-
-#: Columns that tell which runs there are.
-INDEXED = ("point", "run", "ended", "last_out")
+SYNC_EVERY = 1.0  #: Longest time after which rows are forced to disk, when the next one is appended [s].
+INDEXED = ("point", "run", "ended", "last_out")  #: Columns that tell which runs there are.
 
 #: Columns that are fields of `Row`.
 SAME = ("point", "run", "seed", "population_seed", "ended", "exit_time", "exit_used")

@@ -40,11 +40,8 @@ if TYPE_CHECKING:
 
 FORMAT = 4
 
-#: Folder in messages about the trajectory of a run without one.
-IN_MEMORY = Path("in memory")
-
-#: Key of the header, in the metadata of the schema.
-TRAJECTORY_KEY = b"evac.trajectory"
+IN_MEMORY = Path("in memory")  #: Folder in messages about the trajectory of a run without one.
+TRAJECTORY_KEY = b"evac.trajectory"  #: Key of the header, in the metadata of the schema.
 
 #: Numbers that are recorded of each person; those from x on are in the column `motion`, and x and y are relative to the
 #: header's origin.

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
     from evac.building.model.lifts import Lift
 
-#: Slope classes: walking on the flat, up or down a slope. Columns of speeds and lengths.
-FLAT, UP, DOWN = 0, 1, 2
+FLAT, UP, DOWN = 0, 1, 2  #: Slope classes: walking on the flat, up or down a slope. Columns of speeds and lengths.
 
 
 @dataclass(frozen=True)

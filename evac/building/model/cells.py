@@ -16,8 +16,7 @@ from evac.jit import IntPairs, Ints, Longs, Pairs, Struct, inner, kernel
 #: Least and greatest side of the cells of a field [m], and greatest number of cells of all levels.
 LEAST_SPACING, MOST_SPACING, MOST_CELLS = 0.05, 1e6, 1_000_000
 
-#: Greatest number of fields of a run.
-MOST_FIELDS = 100
+MOST_FIELDS = 100  #: Greatest number of fields of a run.
 
 
 class Cells:

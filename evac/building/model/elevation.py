@@ -11,11 +11,8 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Level
 
-#: Largest distance of the vertices of a level from a plane for which it is treated as one plane [m].
-PLANE = 1e-9
-
-#: Gives the heights (n,) of points (n, 2) on a level [m].
-Ground = Callable[[FloatArray], FloatArray]
+PLANE = 1e-9  #: Largest distance of the vertices of a level from a plane for which it is treated as one plane [m].
+Ground = Callable[[FloatArray], FloatArray]  #: Gives the heights (n,) of points (n, 2) on a level [m].
 
 
 def elevation(building: Building, level: ArrayLike, position: ArrayLike) -> FloatArray:

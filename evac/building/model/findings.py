@@ -42,8 +42,7 @@ def numbered(name: str, taken: Container[str]) -> str:
 KINDS = ("error", "missing", "warning", "left out", "assumed", "repaired", "found")
 #: What differs between findings that tell the same of several things: names in quotation marks, and numbers.
 OWN = re.compile(r"'[^']*'|-?\d+(\.\d+)?")
-#: Number at the end of the name of a level that is one of several parts of its storey.
-PART = re.compile(r" \(\d+\)$")
+PART = re.compile(r" \(\d+\)$")  #: Number at the end of the name of a level that is one of several parts of its storey.
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,8 @@ from evac.building.model.elevation import on_level, triangles_on
 OFF_WALLS = 0.25
 
 
-#: Height of a car where it is drawn [m].
-CAR_HEIGHT = 2.1
-
-#: Least ground of a car for each person [m2]: less than the 0.17 m2 of EN 81-20 for 13 people.
-LEAST_GROUND = 0.12
+CAR_HEIGHT = 2.1  #: Height of a car where it is drawn [m].
+LEAST_GROUND = 0.12  #: Least ground of a car for each person [m2]: less than the 0.17 m2 of EN 81-20 for 13 people.
 
 
 @dataclass(frozen=True)

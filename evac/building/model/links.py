@@ -17,8 +17,7 @@ from evac.building.geometry import connected_components, place_of
 from evac.building.model.building import Area, Building, Door, Exit, Level, Portal, Ride
 from evac.building.model.findings import Finding, item_of
 
-#: Distance from the outline of an area within which a link leads into it [m].
-ON_OUTLINE = 0.05
+ON_OUTLINE = 0.05  #: Distance from the outline of an area within which a link leads into it [m].
 
 
 def links_named(building: Building, name: str) -> frozenset[int]:
@@ -327,11 +326,8 @@ def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Fi
 ARROW = np.array([[0.0, -0.06], [0.62, -0.06], [0.62, -0.2], [1.0, 0.0], [0.62, 0.2], [0.62, 0.06], [0.0, 0.06]])
 
 
-#: Width of the strip at a controlled link, on each side [m].
-STRIP = 0.2
-
-#: Holes of a floor up to this area are drawn as furniture [m2].
-FURNITURE = 4.0
+STRIP = 0.2  #: Width of the strip at a controlled link, on each side [m].
+FURNITURE = 4.0  #: Holes of a floor up to this area are drawn as furniture [m2].
 
 
 class Mark(NamedTuple):

@@ -24,8 +24,7 @@ FAR_ALONG, ROUNDING = 5.0, 1e-7
 PARALLEL = 1e-3
 #: Share of a segment that is left out at each end.
 INNER = 1e-3
-#: Distance within which points and lines are on a wall, a portal or an exit [m].
-JOINED = 1e-6
+JOINED = 1e-6  #: Distance within which points and lines are on a wall, a portal or an exit [m].
 
 
 def narrow_places(building: Building, widths: ArrayLike) -> tuple[Finding, ...]:

@@ -45,8 +45,7 @@ from evac.building.surface.surfacemesh import Height, SurfaceMesh
 
 #: The strips of ground on both sides of a door, if it stands between two rooms.
 Beside = tuple[Strip | None, ...] | None
-#: A surface: its tags, its polygon in plan and its height.
-Drawn = tuple[tuple[str, ...], BaseGeometry, Height]
+Drawn = tuple[tuple[str, ...], BaseGeometry, Height]  #: A surface: its tags, its polygon in plan and its height.
 
 #: Distance from a segment at which the presence of floor is tested [m].
 BESIDE = 0.05
@@ -62,8 +61,7 @@ ON_ONE_LINE, NARROWEST = 1e-5, 0.5
 LIFT_WALL = 0.15
 #: Smallest overlap of two floors, and smallest part of an area beside its floor, that is reported [m2].
 LEAST_REPORTED = 0.05
-#: Share of an area beside its floor above which it is a warning.
-MOST_BESIDE = 0.05
+MOST_BESIDE = 0.05  #: Share of an area beside its floor above which it is a warning.
 
 
 class Drawing:

@@ -30,14 +30,12 @@ from evac.building.geometry import (
 )
 from evac.building.model.findings import Finding, written
 
-#: Largest distance of an exit or a stair end from the outline of its floor [m].
-SNAP = 0.15
+SNAP = 0.15  #: Largest distance of an exit or a stair end from the outline of its floor [m].
 
 #: Accepted representations of a shape: one of these, or a list of them.
 Shape: TypeAlias = BaseGeometry | str | Mapping[str, Any] | Sequence[Any]
 
-#: Greatest depth of nested parentheses in WKT: a multipolygon in a collection has five.
-MOST_NESTED = 100
+MOST_NESTED = 100  #: Greatest depth of nested parentheses in WKT: a multipolygon in a collection has five.
 
 
 @contextmanager
@@ -204,8 +202,7 @@ def _valid(polygon: BaseGeometry, level: str | None, findings: list[Finding]) ->
 BESIDE_JAMB = 0.01
 #: Cosine of the angle between a ray and a side above which the ray runs along the side (2.6 degrees).
 ALIKE = 0.999
-#: Length of a door that may lie on the floor beside its wall without a finding [m].
-ON_FLOOR = 0.01
+ON_FLOOR = 0.01  #: Length of a door that may lie on the floor beside its wall without a finding [m].
 
 
 @dataclass(frozen=True)

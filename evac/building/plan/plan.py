@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 PLAN = ".plan.toml"
 #: Least height and depth of a step, and least width of a door at a wall [m].
 LEAST_STEP = 0.05
-#: Options for a door with a room on one side only.
-OUTSIDE = ("refuse", "exit", "opening")
+OUTSIDE = ("refuse", "exit", "opening")  #: Options for a door with a room on one side only.
 
 
 @dataclass(frozen=True)

@@ -33,8 +33,7 @@ SECTIONS = (
     *("storeys", "rooms", "stairs", "shafts", "flights", "landings"),
     *("doors", "exits", "openings", "areas", "obstacles", "lifts"),
 )
-#: Those that are pieces of stairs.
-PIECES = ("flights", "landings")
+PIECES = ("flights", "landings")  #: Those that are pieces of stairs.
 
 
 def read_table(path: Path) -> dict[str, Any]:

@@ -23,8 +23,7 @@ from evac.building.plan.outlines import SNAP, is_point, normal
 from evac.building.plan.plan import OUTSIDE, Plan
 from evac.building.plan.rooms import close_to
 
-#: An item as a plan file has it.
-Row: TypeAlias = Mapping[str, Any]
+Row: TypeAlias = Mapping[str, Any]  #: An item as a plan file has it.
 
 #: Keys whose values are texts, and those among them that have few values.
 TEXTS = ("name", "storey", "lower", "upper", "stair", "turn", "outside", "file", "like", "use", "kind")
@@ -48,8 +47,7 @@ DIRECTIONS = ([0, 1], [0, -1], [1, 0], [-1, 0])
 MOST_WALLS = 3
 #: Least width of a door [m], and its least distance from the corner of a room.
 LEAST_WIDTH, JAMB = 0.5, 0.05
-#: Width that is tried of a door that is too wide for its wall [m].
-USUAL_WIDTH = 0.9
+USUAL_WIDTH = 0.9  #: Width that is tried of a door that is too wide for its wall [m].
 
 
 @cache

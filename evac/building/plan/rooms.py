@@ -20,8 +20,7 @@ from evac.building.model.findings import Finding, noting
 from evac.building.plan.plan import Item, Plan, Room, Shaft, Stair, Storey, Tie
 
 Named = TypeVar("Named", Item, Room)
-#: What a storey that is like another repeats.
-REPEATED = ("doors", "areas", "obstacles")
+REPEATED = ("doors", "areas", "obstacles")  #: What a storey that is like another repeats.
 
 
 def expanded(plan: Plan, errors: list[Finding]) -> Plan:

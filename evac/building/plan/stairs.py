@@ -16,8 +16,7 @@ from evac.building.surface.surfacemesh import Height
 MOST_SKEW = 45.0
 #: Minimum length of a flight in plan [m].
 LEAST_RUN = 0.2
-#: Largest distance of the corners of an inclined polygon from a plane [m].
-LEVEL = 5e-4
+LEVEL = 5e-4  #: Largest distance of the corners of an inclined polygon from a plane [m].
 
 
 @dataclass(frozen=True)

@@ -207,8 +207,7 @@ LEAST_SHARED = 0.01
 LEAST_SHARE = 5e-4
 #: Walls drawn with both sides are thicker than this [m]; smaller gaps are cells that miss each other.
 THINNEST = 0.01
-#: Rounding tolerance of lengths [m] and areas [m2].
-ROUNDING = 1e-6
+ROUNDING = 1e-6  #: Rounding tolerance of lengths [m] and areas [m2].
 
 
 def check_overlap(building: Building) -> Iterator[Finding]:

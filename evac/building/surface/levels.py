@@ -19,8 +19,7 @@ from evac.building.surface.surface import Surface
 
 #: Corners at most this far from the straight line between their neighbours are removed [m].
 COLLINEAR = 1e-4
-#: Greatest length of a tagged edge that may have lost its cell [m].
-SPIKE = 0.01
+SPIKE = 0.01  #: Greatest length of a tagged edge that may have lost its cell [m].
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ from evac.building.model.building import Building
 from evac.building.surface.surface import Surface
 from evac.building.surface.surfacemesh import SurfaceMesh, checked
 
-#: Element type numbers of Gmsh.
-LINE, TRIANGLE = 1, 2
+LINE, TRIANGLE = 1, 2  #: Element type numbers of Gmsh.
 
 
 def write_surface(mesh: SurfaceMesh, path: Path) -> None:

@@ -30,8 +30,7 @@ from evac.building.surface.levels import COLLINEAR, sorted_walls
 EXIT_REACH = 0.05
 #: Largest difference between a height given for a level and the height of the level [m].
 HEIGHT_REACH = 0.5
-#: Share of an area outside its level above which a warning is issued.
-CUT_OFF = 0.01
+CUT_OFF = 0.01  #: Share of an area outside its level above which a warning is issued.
 
 
 def add_exit(building: Building, item: ExitLine) -> Building:

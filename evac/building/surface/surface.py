@@ -18,11 +18,8 @@ from evac.building.surface.resolution import check_extent, check_resolution, dou
 from evac.building.surface.surfacemesh import SurfaceMesh, TriangleMesh
 from evac.building.surface.welding import split_at_vertices, weld_points
 
-#: Largest share by which welding may change the area of the ground.
-MOST_CHANGE = 5e-4
-
-#: Largest difference in height along the lower edge of a door [m].
-SILL = 0.02
+MOST_CHANGE = 5e-4  #: Largest share by which welding may change the area of the ground.
+SILL = 0.02  #: Largest difference in height along the lower edge of a door [m].
 
 #: Greatest rise of a riser, and smallest slope of the sides of a stair, which are not flights [m, degrees].
 MOST_RISER, UPRIGHT = 0.5, 85.0

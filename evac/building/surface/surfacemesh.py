@@ -24,8 +24,7 @@ EDGE_TAGS = ("exit",)
 FARTHEST = 1e11
 #: Height of a surface [m]: a number, or a function of the plan position (x, y) for a slope.
 Height = float | Callable[[float, float], float]
-#: A point (x, y, z).
-Point = tuple[float, float, float]
+Point = tuple[float, float, float]  #: A point (x, y, z).
 
 
 @dataclass(frozen=True)

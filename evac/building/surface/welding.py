@@ -20,8 +20,7 @@ LARGEST_CLUSTER = 2.0
 
 #: Shear of plan coordinates per metre of height, so that points above each other do not coincide in the plan search.
 SHEAR = (0.367, 0.713)
-#: Rounding errors of positions in plan, relative to the largest coordinate.
-ROUNDING = 1e-14
+ROUNDING = 1e-14  #: Rounding errors of positions in plan, relative to the largest coordinate.
 
 
 def weld_points(points: FloatArray, distance: float) -> tuple[FloatArray, IndexArray]:
@@ -62,8 +61,7 @@ def close_pairs(points: FloatArray, distance: float) -> IndexArray:
     return pairs[np.lexsort(pairs.T[::-1])]
 
 
-#: The vertices on each edge (a, b), a < b, in their order from a to b.
-Hanging = dict[tuple[int, int], list[int]]
+Hanging = dict[tuple[int, int], list[int]]  #: The vertices on each edge (a, b), a < b, in their order from a to b.
 
 
 #: Largest number of rounds of splitting. One is enough for most meshes; an edge split at a vertex that is slightly off
