@@ -1,64 +1,38 @@
 """Route choice: least cost by own speeds, within what the case allows, and changes during a run."""
 
 import math
-from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import shapely
 
 from evac.base.errors import PluginError, ScenarioError
-from evac.building.model.building import Building, Exit, Level, Portal
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
 from evac.people.behaviour import BehaviourScene
 from evac.simulation.scene import Scene, SharedScene
 from evac_plugins.behaviour_route_choice import RouteChoice, route_costs
+from tests.directions.conftest import Drawing
 
 STEEP = math.atan(3.0 / 4.0)
 ANY = (Route(),)
 
 
-def level(index, box, uphill=(0.0, 0.0), slope=0.0):
-    return Level(
-        index,
-        f"level {index}",
-        "flight" if slope else "floor",
-        None,
-        np.zeros((0, 3), np.int32),
-        shapely.box(*box),
-        np.array(uphill, dtype=float),
-        slope,
-        0.0,
-        0.0,
-    )
+def drawn():
+    """A floor 10 m long: the exit "stair" lies behind a stair of 5 m (up) in the east, "flat" in the west."""
+    drawing = Drawing()
+    for box, slope in (((0, 0, 10, 2), 0.0), ((10, 0, 14, 2), STEEP), ((14, 0, 15, 2), 0.0)):
+        drawing.level(box, uphill=(1.0, 0.0) if slope else (0.0, 0.0), slope=slope)
+    for first, x in ((0, 10), (1, 14)):
+        drawing.portal(first, first + 1, (x, 0), (x, 2))
+    drawing.exit("flat", 0, (0, 0), (0, 2))
+    drawing.exit("stair", 2, (15, 0), (15, 2))
+    return drawing
 
 
 @pytest.fixture(scope="module")
 def building():
-    """Return a floor 10 m long: the exit "stair" lies behind a stair of 5 m (up) in the east, "flat" in the west."""
-    levels = (level(0, (0, 0, 10, 2)), level(1, (10, 0, 14, 2), (1, 0), STEEP), level(2, (14, 0, 15, 2)))
-    sides = ((0, 10), (10, 14), (14, 15))
-    walls = np.array([wall for low, high in sides for wall in ((low, 0, high, 0), (high, 2, low, 2))], dtype=float)
-    return Building(
-        Path("drawn.msh"),
-        np.array([[0, 0, 0], [15, 2, 3]], dtype=float),
-        levels,
-        (
-            Portal(0, "bottom", (0, 1), np.array([[10.0, 0, 10, 2]]), 2.0),
-            Portal(1, "top", (1, 2), np.array([[14.0, 0, 14, 2]]), 2.0),
-        ),
-        (
-            Exit(0, "flat", 0, np.array([[0.0, 2, 0, 0]]), 2.0),
-            Exit(1, "stair", 2, np.array([[15.0, 0, 15, 2]]), 2.0),
-        ),
-        (),
-        walls,
-        np.array([0, 0, 1, 1, 2, 2], dtype=np.int32),
-        {},
-    )
+    return drawn().build()
 
 
 def scene(building, behaviour, groups, routes=ANY, route=None):
@@ -135,10 +109,11 @@ def test_who_is_out_chooses_no_more(building):
     assert [route.exits for route in chosen(of)] == [("stair",), ("flat",)]
 
 
-def test_who_has_no_way_keeps_the_route(building):
-    island = replace(building, levels=(*building.levels, level(3, (20, 0, 22, 2))))
+def test_who_has_no_way_keeps_the_route():
+    drawing = drawn()
+    drawing.level((20, 0, 22, 2))
     behaviour = RouteChoice(exits=["flat", "stair"])
-    of = scene(island, behaviour, [([9.0, 21.0], [1.0, 1.0], {})])
+    of = scene(drawing.build(), behaviour, [([9.0, 21.0], [1.0, 1.0], {})])
     of.crowd.level[1] = 3
     behaviour.prepare(of)
     assert chosen(of) == [Route(("stair",)), Route()]
