@@ -178,6 +178,7 @@ class GeojsonImporter(Importer):
         spaces = storey.spaces() if has_walls else [shapely.union_all([*storey.ways, *rooms])]
         parts = [one for space in spaces for one in shapely.get_parts(flat_parts(space.difference(solid)))]
         parts = [one for one in parts if one.area > LEAST_CABIN]
+        parts = indoormaps.agreeing(parts) if has_walls else parts
         small = [one for one in parts if one.area < LEAST_ROOM and not one.dwithin(storey.outlets, indoormaps.BESIDE)]
         parts = [one for one in parts if one not in small]
         wall = self.wall or (INDOOR_WALL if has_walls else 0.0)

@@ -11,7 +11,9 @@ WANTED = dict.fromkeys(FORMATS, 19) | {"fds": 15}
 
 
 @pytest.mark.parametrize(
-    ("name", "seed"), [("osm", 2), ("fds", 1), ("imdf", 9606), pytest.param("stl", 9600, marks=pytest.mark.slow)]
+    ("name", "seed"),
+    [("osm", 2), ("fds", 1), ("imdf", 710300)]
+    + [pytest.param(*one, marks=pytest.mark.slow) for one in (("imdf", 9606), ("stl", 9600))],
 )
 def test_a_stranger_is_right(tmp_path, name, seed):
     assert judge(FORMATS[name](seed, tmp_path), tmp_path / "case") == (RIGHT, [])

@@ -72,7 +72,7 @@ class Storey:
         return shapely.union_all([door.shape for door in self.doors])
 
     def spaces(self) -> list[BaseGeometry]:
-        """Return rooms, and ways, joined where no door is between them; sides that touch agree."""
+        """Return rooms, and ways, joined where no door is between them."""
         given = np.array([part for way in self.ways for part in shapely.get_parts(way)], dtype=object)
         pairs = shapely.STRtree(given).query(given, "intersects").T
         one, other = pairs[pairs[:, 0] < pairs[:, 1]].T
@@ -82,7 +82,7 @@ class Storey:
         group = connected_components(len(given), np.column_stack([one, other])[is_open])
         ways = [shapely.union_all(given[group == number]) for number in np.unique(group)]
         rooms = [part for _, room in self.rooms for part in shapely.get_parts(room)]
-        return agreeing([*ways, *rooms])
+        return [*ways, *rooms]
 
 
 @dataclass(frozen=True)
