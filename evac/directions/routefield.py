@@ -129,7 +129,9 @@ class RouteField(Saved):
                 place = self._places[grid.level] = slice(first, first + grid.sheet.size)
                 self._shift[grid.level] = first - grid.offset
                 time[grid.packed] = packed.travel_time[place]
-                self._direction[place] = packed.direction[place]
+        places = [*self._places.values()] or [slice(0, 0)]
+        self._column = slice(places[0].start, places[-1].stop)  # the fields of a column are one after another
+        self._direction[self._column] = packed.direction[self._column]
         return time
 
     def _fill_of(self, level: int, joins: BoolArray, shared: Shared) -> tuple[IntArray, IntArray]:
@@ -163,10 +165,8 @@ class RouteField(Saved):
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of the arrays that are needed to continue with the same bits."""
         own = {
-            "travel_time": np.concatenate(
-                [self._travel_time[:0], *(self._travel_time[at] for at in self._places.values())]
-            ),
-            "direction": np.concatenate([self._direction[:0], *(self._direction[at] for at in self._places.values())]),
+            "travel_time": self._travel_time[self._column].copy(),
+            "direction": self._direction[self._column].copy(),
             "stale": np.array(sorted(self.march.stale), np.int64),
             "speed": self.speed.copy(),
             "empty": self._empty.copy(),
@@ -182,14 +182,9 @@ class RouteField(Saved):
         for level in self._places:
             self._take_speeds(level, speed[self._grids.levels[level].packed])
         self.march.stale = set(taken(state, "stale", np.int64, (None,), 0, levels - 1).tolist())
-        size = sum(place.stop - place.start for place in self._places.values())
-        travel_time = taken(state, "travel_time", np.float64, (size,), -np.inf, np.inf)
-        direction = taken(state, "direction", np.float64, (size, 2))
-        first = 0
-        for place in self._places.values():
-            some = slice(first, first + place.stop - place.start)
-            self._travel_time[place], self._direction[place] = travel_time[some], direction[some]
-            first = some.stop
+        size = self._column.stop - self._column.start
+        self._travel_time[self._column] = taken(state, "travel_time", np.float64, (size,), -np.inf, np.inf)
+        self._direction[self._column] = taken(state, "direction", np.float64, (size, 2))
         self._write_where_no_way_is()
 
     def bounds(self) -> dict[str, Bounds]:

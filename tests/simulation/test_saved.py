@@ -40,6 +40,10 @@ OTHERS = {
         "_classes",
         "_margins",
         "_walks",
+        "_presence",
+        "_moved",
+        "_tick",
+        "_share",
     ),
 }
 
