@@ -121,6 +121,15 @@ def test_kernels_compute_what_their_python_functions_do():
     np.testing.assert_allclose(outcome(), json.loads(done.stdout), rtol=1e-14, atol=1e-15)
 
 
+@pytest.mark.parametrize("wrong", [(2.0,), (2.0, 3.0), (2.0, None), (2.0, np.zeros(2)), ("2", Scales)])
+def test_a_call_is_refused_also_after_calls_with_the_same_kernel(wrong):
+    scales = Scales(factor=1.5, calls=0)
+    for _ in range(2):  # the second call knows the types
+        assert [times(x, scales) for x in (2.0, 2, np.float64(2.0), np.int64(2), True)] == [3.0] * 4 + [1.5]
+        with pytest.raises((TypeError, ValueError)):
+            times(*wrong)
+
+
 def test_a_fused_product_is_rounded_once():
     # 1 - 2^-60 has no double of its own: a product rounded by itself is 1, and the sum zero.
     assert fuse(1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0) == -(2.0**-60)

@@ -102,6 +102,7 @@ def test_the_name_of_an_exit_is_not_written_over_the_colour_bar_of_a_cut(traject
     draw_cut(figure, (0.0, 0.0, 0.33, 1.0), trajectory, "waiting", maps, level, (x + beside - 5.0, y), 5.0)
     edge = round(figure.axes[0].get_window_extent().x1) + 2
     assert has_colour(pixels(figure)[:, edge:], palette.EXIT, 40) == 0.0
+    assert figure.axes[0].get_aspect() == 1.0
 
 
 @pytest.mark.parametrize("quantity", ["max_density", "waiting", "contact_pressure"])
