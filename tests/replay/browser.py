@@ -77,7 +77,7 @@ class Browser:
         os.close(self._in)
         os.close(self._out)
 
-    def open(self, path: Path, width=1280, height=800, dark=False):
+    def open(self, path: Path, width=960, height=600, dark=False):
         """Open a page of the disk and wait until it plays; its errors and requests are noted."""
         if self._session is None:
             target = self.send("Target.createTarget", {"url": "about:blank"})["targetId"]
@@ -94,7 +94,7 @@ class Browser:
         self.wait("window.replay || /cannot/.test(document.getElementById('loading')?.textContent)")
         self.settle()
 
-    def show(self, path: Path, width=1280, height=800, dark=False):
+    def show(self, path: Path, width=960, height=600, dark=False):
         """Open a page, or set the one that is open in this way back to how it opens, which is faster."""
         if self.page != (path, width, height, dark):
             self.open(path, width, height, dark)
