@@ -3,7 +3,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from shapely import box
 
+import evac
 from evac.case.loading import load_case
 from evac.contract.registry import Registry
 from evac.directions.routes import Route
@@ -72,3 +74,17 @@ def test_quality_warnings_are_in_the_summary(results, make_results, tmp_path):
     assert len(lines) == 3
     assert "level 'floor 1'" in lines[0]
     assert all("person 3 at (2.00, 5.00) on level 'floor 2'" in line for line in lines[1:])
+
+
+def test_phases_have_those_who_start_in_their_places():
+    plan = evac.Plan()
+    for k in range(2):
+        plan.storey(f"s{k}", box(0, 0, 10, 6), z=3.0 * k)
+        plan.area(f"west {k}", f"s{k}", box(0, 2, 4, 6))
+        plan.exit(f"door {k}", f"s{k}", [(10, 2), (10, 4)])
+    people = [{"name": f"{k}", "number": 2 + k, "area": f"west {k}"} for k in range(2)]
+    phases = [{"name": "upper", "of": ["west 1"], "delay": 2.0}, {"name": "lower", "of": ["s0"], "delay": 4.0}]
+    table = {"building": plan, "people": people, "phase": phases, "contact": {"model": "nsm2"}}
+    results = evac.run(evac.load(table | {"behaviours": {"response_time": {}}}), progress=False)
+    found = {phase["name"]: (phase["people"], phase["alarm"], [*phase["clear"]]) for phase in results.phase}
+    assert found == {"upper": (3, 2.0, ["s1"]), "lower": (2, 4.0, ["s0"])}
