@@ -20,6 +20,7 @@ def test_plain_gradients_point_straight_where_no_wall_is_near():
     assert plain_directions(fields, plan)[clear, 0] == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_both_solvers_come_closer_to_exact_travel_times_on_finer_grids():
     """They are two solvers: the second does not have the errors of the first."""
     coarse, fine = _march_rows(stair(60, np.random.default_rng(0)), (0.1, 0.05))

@@ -177,6 +177,7 @@ def test_whole_commands_of_each_kind_are_timed_with_their_growth():
     assert [row["size"] for row in grown] == [*sizes]
 
 
+@pytest.mark.slow
 def test_towers_have_as_many_exits_routes_and_classes_as_is_wanted():
     case = load(commands.tower_case(3, 30, {}, exits=4, routes=3, classes=3))
     simulation = Simulation(case)

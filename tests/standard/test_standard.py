@@ -164,8 +164,11 @@ def test_a_run_that_cannot_go_on_fails_its_test_alone(tmp_path):
 @pytest.mark.parametrize(
     ("name", "model"),
     [
-        *(("RiMEA-1", "dem"), ("RiMEA-1", "nsm1"), ("RiMEA-1", "nsm2"), ("RiMEA-2", "nsm2"), ("RiMEA-3", "dem")),
-        *(("RiMEA-5", "nsm1"), ("RiMEA-6", "dem"), ("RiMEA-6", "nsm1"), ("RiMEA-6", "nsm2")),
+        *(("RiMEA-1", "dem"), ("RiMEA-1", "nsm1"), ("RiMEA-1", "nsm2"), ("RiMEA-2", "nsm2"), ("RiMEA-6", "dem")),
+        *(
+            pytest.param(f"RiMEA-{k}", model, marks=pytest.mark.slow)
+            for k, model in ((3, "dem"), (5, "nsm1"), (6, "nsm2"))
+        ),
     ],
 )
 def test_the_models_of_the_paper_pass_the_tests_of_people_who_walk_alone(tmp_path, name, model):
