@@ -23,7 +23,7 @@ from evac.building.model.building import Building, Exit
 from evac.building.model.links import levels_reaching
 from evac.building.model.narrow import gaps_below, gaps_between_walls
 from evac.building.surface.build import measures
-from evac.directions.descent import descend
+from evac.directions.descent import ONE_LABEL, descend
 from evac.directions.fields import CellWalls, ClassGrids, Fields, PackedFields
 from evac.directions.lengths import (
     Marched,
@@ -555,7 +555,7 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit]) -> Fl
         chosen = (grid.sheet == OWN).view(np.uint8)
         packed = direction[grid.packed]
         own_cost = cost[grid.packed].reshape(grid.window.shape)
-        descend(own_cost, chosen, grids.lattice.spacing, packed)
+        descend(own_cost, ONE_LABEL, chosen, grids.lattice.spacing, packed)
         lead_through_doors(grid, own_cost, packed)
         strips = strips_of(grids, grid)
         for exit_ in exits:

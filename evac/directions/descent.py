@@ -2,8 +2,13 @@
 
 import math
 
+import numpy as np
+
 from evac.building.model.building import DOWN, FLAT, UP
-from evac.jit import ByteGrid, FloatGrid, Floats, Ints, Longs, Pairs, Struct, Triples, inner, kernel
+from evac.jit import ByteGrid, FloatGrid, Floats, IntGrid, Ints, Longs, Pairs, Struct, Triples, inner, kernel
+
+#: What `descend` takes if there are no labels.
+ONE_LABEL = np.zeros((0, 0), np.int32)
 
 
 @inner
@@ -23,25 +28,43 @@ def upwind_slope(one: float, near: float, far: float, spacing: float) -> float:
 
 
 @kernel
-def descend(cost: FloatGrid, chosen: ByteGrid, spacing: float, direction: Pairs) -> None:
+def descend(cost: FloatGrid, label: IntGrid, chosen: ByteGrid, spacing: float, direction: Pairs) -> None:
     """Compute the unit vectors (nx * ny, 2) of steepest descent of a cost (nx, ny), zero where no neighbour is lower.
 
-    The cost is inf at nodes that are not walkable. Only those that are `chosen` (nx, ny) are written.
+    The cost is inf at nodes that are not walkable. Nodes with another `label` (nx, ny) are no neighbours; there may be
+    no labels, `ONE_LABEL`. Only nodes that are `chosen` (nx, ny) are written.
     """
     nx, ny = cost.shape
     for i in range(2, nx - 2):
         for j in range(2, ny - 2):
-            one = cost[i, j]
-            if not chosen[i, j] or one == math.inf:
+            if not chosen[i, j] or cost[i, j] == math.inf:
                 continue
-            step = 1 if cost[i + 1, j] < cost[i - 1, j] else -1
-            along_x = step * upwind_slope(one, cost[i + step, j], cost[i + 2 * step, j], spacing)
-            step = 1 if cost[i, j + 1] < cost[i, j - 1] else -1
-            along_y = step * upwind_slope(one, cost[i, j + step], cost[i, j + 2 * step], spacing)
+            along_x = _descent_along(cost, label, i, j, 1, 0, spacing)
+            along_y = _descent_along(cost, label, i, j, 0, 1, spacing)
             length = math.sqrt(along_x * along_x + along_y * along_y)
             if length > 0.0:
                 direction[i * ny + j, 0] = along_x / length
                 direction[i * ny + j, 1] = along_y / length
+
+
+@inner
+def _descent_along(cost: FloatGrid, label: IntGrid, i: int, j: int, x: int, y: int, spacing: float) -> float:
+    """Return the descent per metre at node (i, j) along the axis (x, y), (1, 0) or (0, 1)."""
+    after = _cost_beside(cost, label, i, j, x, y)
+    before = _cost_beside(cost, label, i, j, -x, -y)
+    step = 1 if after < before else -1
+    far = _cost_beside(cost, label, i, j, 2 * step * x, 2 * step * y)
+    slope: float = upwind_slope(cost[i, j], min(after, before), far, spacing)
+    return step * slope
+
+
+@inner
+def _cost_beside(cost: FloatGrid, label: IntGrid, i: int, j: int, x: int, y: int) -> float:
+    """Return the cost x and y nodes beside node (i, j), inf if the label is another one."""
+    if label.shape[0] > 0 and label[i + x, j + y] != label[i, j]:
+        return math.inf
+    beside: float = cost[i + x, j + y]
+    return beside
 
 
 class Ways(Struct):

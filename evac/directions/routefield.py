@@ -13,7 +13,7 @@ from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray, pairs_
 from evac.base.phases import tell
 from evac.base.saved import Bounds, Saved, taken
 from evac.directions.density import STEP, Gates
-from evac.directions.descent import descend
+from evac.directions.descent import ONE_LABEL, descend
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.lengths import make_ways, routes_at_present
 from evac.directions.march.compiled import CompiledMarch, first_car
@@ -316,14 +316,10 @@ class RouteField(Saved):
             cost = waves.time[grid.packed]
             chosen = (self.march.solved[grid.packed] & np.isfinite(cost)).view(np.uint8)
             direction = self._direction[self._places[level]]
-            if self.is_local:
-                label = waves.exit[grid.packed]
-                for link in np.flatnonzero(np.bincount(label[chosen.view(np.bool_)] + 1)) - 1:
-                    own = np.where(label == link, cost, math.inf)
-                    descend(own.reshape(shape), chosen.reshape(shape), waves.spacing, direction)
-            else:
+            label = waves.exit[grid.packed].reshape(shape) if self.is_local else ONE_LABEL
+            if not self.is_local:
                 cost[halo[is_known]] = waves.time[source[is_known]]
-                descend(cost.reshape(shape), chosen.reshape(shape), waves.spacing, direction)
+            descend(cost.reshape(shape), label, chosen.reshape(shape), waves.spacing, direction)
             lead_through_doors(grid, cost.reshape(shape), direction)
         pairs = pairs_of(self._direction)
         for level in touched:
