@@ -50,7 +50,7 @@ from evac.results.quality import (
 )
 from evac.results.recordedcase import CaseTable
 from evac.results.verdict import Verdict, verdict_of
-from evac.trajectory.trajectory import Trajectory, read_trajectory, trajectory_in_memory
+from evac.trajectory.trajectory import Recorded, Trajectory, read_trajectory, trajectory_in_memory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -304,7 +304,7 @@ class Results:
     #: the `MARGIN_COLUMNS` (n,) by name [s], in a case with [safety]; NaN for people on whose way no criterion is met
     margins: Unwritten[Mapping[str, FloatArray]] = field(default_factory=dict)
     folder: Unwritten[Path | None] = None  #: result folder of the run
-    recorded: Unwritten[bytes | None] = field(default=None, repr=False)  # the trajectory of a run without a folder
+    recorded: Unwritten[Recorded | None] = field(default=None, repr=False)  # the trajectory of a run without a folder
     noticed: Unwritten[Sequence[str]] = ()  # quality warnings but for those of flows and queues
     advised: Unwritten[Sequence[str] | None] = None  # behaviours that would keep distances, if none does
 
@@ -346,7 +346,7 @@ class Results:
     @cached_property
     def trajectory(self) -> Trajectory | None:
         """The recorded motion, in memory for a run without a folder; None if the case or `Simulation` wants none."""
-        if self.recorded:
+        if self.recorded is not None:
             return trajectory_in_memory(self.recorded)
 
         path = None if self.folder is None else self.folder / TRAJECTORY_NAME

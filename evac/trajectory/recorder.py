@@ -1,9 +1,9 @@
 """Base class of recorder plugins; and the recorders of a run: starting, calling and finishing them, and their state."""
 
-import io
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from evac.base.parameters import Configurable
 from evac.base.saved import Saved, part_of, state_of
 from evac.folder.digests import RunningDigest
 from evac.folder.files import MANIFEST_NAME, note_written, read_manifest, sync, writing
+from evac.trajectory.trajectory import Recorded
 
 if TYPE_CHECKING:
     from evac.contract.registry import Registry
@@ -133,13 +134,13 @@ class Recording:
         self.recorders = list(recorders)
         self.is_started = False
         self._folder = folder
-        self.memory = io.BytesIO() if in_memory else None
+        self.memory = Recorded() if in_memory else None
         self._made: set[str] = set()  # files created while plugins started or finished
         self._digests: dict[str, RunningDigest] = {}  # of the files
 
-    def in_memory(self) -> bytes | None:
+    def in_memory(self) -> Recorded | None:
         """Return the trajectory until now, if it is in memory."""
-        return None if self.memory is None else self.memory.getvalue()
+        return replace(self.memory, rows=[*self.memory.rows]) if self.memory and self.memory.header else None
 
     def start(self, simulation: "Simulation") -> None:
         """Start the recorders, and record the current state."""

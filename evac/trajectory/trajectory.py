@@ -5,7 +5,7 @@ import mmap
 import os
 import stat
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -138,7 +138,7 @@ def _with_lifts(building: Building, rows: list[dict[str, Any]]) -> Building:
 
 
 class Rows(NamedTuple):
-    """What is recorded at one time; the arrays are views of the file."""
+    """What is recorded at one time; the arrays of a file are views of it."""
 
     time: float  # [s]
     person: NDArray[Any]  # (c,) unsigned or int32: those who are inside, in ascending order
@@ -147,6 +147,14 @@ class Rows(NamedTuple):
     motion: NDArray[np.float32]  # (c, 5 or 6) float32: the numbers of the header's fields from x on
     changes: tuple[Change, ...]  # changes of the scene since the frame before
     fields: tuple[NDArray[np.float32], ...]  # tuple of (m,) float32: values of the fields of behaviours
+
+
+@dataclass
+class Recorded:
+    """The trajectory of a run without a folder until now."""
+
+    header: str = ""  # JSON; empty until the recorder has started
+    rows: list[Rows] = field(default_factory=list)
 
 
 class Frame(TypedDict):
@@ -181,9 +189,9 @@ class Trajectory:
     radius: FloatArray  #: (n,) float64 [m]
     height: FloatArray  #: (n,) float64 [m]
     time: FloatArray  #: (f,) float64 [s]
-    rows: tuple[Rows, ...] = field(repr=False)  #: what is recorded at each time, as views of the file
+    rows: tuple[Rows, ...] = field(repr=False)  #: what is recorded at each time
     level_fields: tuple[LevelField, ...]  #: the fields of behaviours, without values, which `field` returns
-    end: int  #: byte at which the last complete frame ends
+    end: int  #: byte at which the last complete frame ends; 0 for a trajectory in memory
     dropped_bytes: int  #: number of bytes after it, which are ignored; 0 for a complete file
 
     def __len__(self) -> int:
@@ -429,21 +437,22 @@ def read_trajectory(path: str | Path) -> Trajectory:
     """
     path = usable_path(path, ResultError)
     path = path / TRAJECTORY_NAME if path.is_dir() else path
-    return _trajectory(path, _mapped(path))
-
-
-def trajectory_in_memory(data: bytes) -> Trajectory:
-    """Return the trajectory of a run without a folder."""
-    memory = mmap.mmap(-1, len(data))
-    memory.write(data)
-    return _trajectory(IN_MEMORY / TRAJECTORY_NAME, memory)
-
-
-def _trajectory(path: Path, data: mmap.mmap) -> Trajectory:
+    data = _mapped(path)
     header, schema, start = _read_header(path, data)
-    frames, end = _read_frames(path, data, schema, start)
+    rows, end = _read_frames(path, data, schema, start)
+    return _trajectory(path, header, rows, end, len(data) - end)
+
+
+def trajectory_in_memory(recorded: Recorded) -> Trajectory:
+    """Return the trajectory of a run without a folder."""
+    return _trajectory(IN_MEMORY / TRAJECTORY_NAME, json.loads(recorded.header), recorded.rows)
+
+
+def _trajectory(
+    path: Path, header: dict[str, Any], rows: Sequence[Rows], end: int = 0, dropped_bytes: int = 0
+) -> Trajectory:
     building = building_from_json(header["building"])
-    group, time = np.array(header["group"], np.int32), np.array([rows.time for rows in frames], np.float64)
+    group, time = np.array(header["group"], np.int32), np.array([one.time for one in rows], np.float64)
     radius, height = np.array(header["radius"], np.float64), np.array(header["height"], np.float64)
     for array in (group, radius, height, time):
         array.flags.writeable = False
@@ -457,10 +466,10 @@ def _trajectory(path: Path, data: mmap.mmap) -> Trajectory:
         radius=radius,
         height=height,
         time=time,
-        rows=tuple(frames),
+        rows=tuple(rows),
         level_fields=tuple(fields),
         end=end,
-        dropped_bytes=len(data) - end,
+        dropped_bytes=dropped_bytes,
     )
 
 

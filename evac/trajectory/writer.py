@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from io import BytesIO, FileIO
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from evac.building.model.cells import LevelField
 from evac.folder.digests import sealed
 from evac.folder.files import check_replaceable, note_written, writing
 from evac.physics.state import Crowd
-from evac.trajectory.trajectory import FIELDS, FIELDS_WITH_DOSE, FORMAT, TRAJECTORY_KEY
+from evac.trajectory.trajectory import FIELDS, FIELDS_WITH_DOSE, FORMAT, TRAJECTORY_KEY, Recorded, Rows
 
 NUMBER = pa.float32()
 
@@ -50,8 +50,9 @@ class TrajectoryWriter:
     """Writes the header and then one frame after the other, each without buffering.
 
     The header is JSON data, to which format, fields and origin are added. With a `length` [bytes], the file exists and
-    is continued after so many bytes; with `memory`, it is written there, and the path is only a name. Positions are
-    relative to the origin, so that float32 is precise enough. The attribute `length` counts the bytes written.
+    is continued after so many bytes; with `memory`, frames are kept there as arrays, and the path is only a name.
+    Positions are relative to the origin, so that float32 is precise enough. The attribute `length` counts the bytes
+    written.
     """
 
     def __init__(
@@ -62,7 +63,7 @@ class TrajectoryWriter:
         fields: Sequence[LevelField] = (),
         has_dose: bool = False,
         length: int = 0,
-        memory: BytesIO | None = None,
+        memory: Recorded | None = None,
     ) -> None:
         self.path, self.length, self.memory = path, length, memory
         self._origin = np.asarray(origin, np.float64)
@@ -72,25 +73,25 @@ class TrajectoryWriter:
         self._one = self._kinds[1].value_type
         self._of_person = [field.type for field in self._one]
         self._whole = [np.dtype(kind.to_pandas_dtype()) for kind in self._of_person[:2]]
-        self._file: FileIO | BytesIO
+        self._file: FileIO
         with writing("the trajectory", path):
             if length:
                 self._file = path.open("r+b", buffering=0)
                 self._file.seek(length)
                 self._file.truncate()
                 return
-            if memory is None:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                check_replaceable(path)
-                note_written([path])
-                path.unlink(missing_ok=True)  # a link is not followed
-                self._file = path.open("xb", buffering=0)
-            else:
-                self._file = memory
             names = FIELDS_WITH_DOSE if has_dose else FIELDS
             given = {**header, "format": FORMAT, "fields": names, "origin": self._origin.tolist()}
             given["level_fields"] = [{"name": own.name, "unit": own.unit, "spacing": own.spacing} for own in fields]
-            text = json.dumps(given, allow_nan=False, separators=(",", ":")).encode()
+            text = json.dumps(given, allow_nan=False, separators=(",", ":"))
+            if memory is not None:
+                memory.header = text
+                return
+            path.parent.mkdir(parents=True, exist_ok=True)
+            check_replaceable(path)
+            note_written([path])
+            path.unlink(missing_ok=True)  # a link is not followed
+            self._file = path.open("xb", buffering=0)
             self._write(self._schema.with_metadata({TRAJECTORY_KEY: text}).serialize())
 
     def append(
@@ -127,24 +128,30 @@ class TrajectoryWriter:
         started = crowd.start_time.take(rows) <= time
         if standing is not None:
             started &= ~standing.take(rows)
-        whole = [np.asarray(of, kind) for of, kind in zip((rows, crowd.level.take(rows)), self._whole, strict=True)]
-        people = [*whole, np.packbits(started, bitorder="little"), motion]
-        text = json.dumps([change.as_row() for change in changes]).encode() if changes else b""
+        person, level = rows.astype(self._whole[0]), crowd.level.take(rows).astype(self._whole[1])
+        for array in (person, level, motion, *values):
+            array.flags.writeable = False
+        recorded = Rows(time, person, level, started, motion, tuple(changes), tuple(values))
+        if self.memory is not None:
+            self.memory.rows.append(recorded)
+            return
         with writing(f"the trajectory at {time:.3f} s", self.path):
-            self._write(self._batch(time, rows.size, people, text, values).serialize())
+            self._write(self._batch(recorded).serialize())
 
-    def _batch(
-        self, time: float, count: int, people: list[NDArray[Any]], changes: bytes, fields: list[NDArray[np.float32]]
-    ) -> pa.RecordBatch:
+    def _batch(self, rows: Rows) -> pa.RecordBatch:
         """Return a batch of one frame, made from buffers because `pyarrow.array` would import pandas."""
+        count, changes = len(rows.person), [change.as_row() for change in rows.changes]
+        text = json.dumps(changes).encode() if changes else b""
+        started = np.packbits(rows.started, bitorder="little")
+        people: list[NDArray[Any]] = [rows.person, rows.level, started, rows.motion]
         of_person = [_array(kind, count, values) for kind, values in zip(self._of_person, people, strict=True)]
         inside = pa.Array.from_buffers(self._one, count, [None], children=of_person)
         time_kind, people_kind, changes_kind, *field_kinds = self._kinds
         arrays = [
-            _array(time_kind, 1, np.array([time], "<f8")),
+            _array(time_kind, 1, np.array([rows.time], "<f8")),
             pa.Array.from_buffers(people_kind, 1, [None, _ends(count)], children=[inside]),
-            pa.Array.from_buffers(changes_kind, 1, [None, _ends(len(changes)), pa.py_buffer(changes)]),
-            *(_array(kind, 1, values) for kind, values in zip(field_kinds, fields, strict=True)),
+            pa.Array.from_buffers(changes_kind, 1, [None, _ends(len(text)), pa.py_buffer(text)]),
+            *(_array(kind, 1, values) for kind, values in zip(field_kinds, rows.fields, strict=True)),
         ]
         return pa.RecordBatch.from_arrays(arrays, schema=self._schema)
 

@@ -8,7 +8,8 @@ from shapely.geometry import box
 from evac.base.change import Change
 from evac.building.model.building import Building, Exit, Level
 from evac.results.results import versions
-from evac.trajectory.trajectory import read_trajectory
+from evac.trajectory.recorder import Recording
+from evac.trajectory.trajectory import read_trajectory, trajectory_in_memory
 from evac_plugins.recorder_trajectory import TrajectoryRecorder
 
 CORNER = np.array([3.0e6, 5.0e6])
@@ -119,3 +120,26 @@ def test_changes_are_kept_once_in_the_frame_after_them(simulation):
     trajectory = read_trajectory(simulation.folder)
     assert [len(rows.changes) for rows in trajectory.rows] == [0, 1, 0, 1]
     assert list(trajectory.changes) == simulation.scene.changes
+
+
+def test_memory_has_the_frames_and_the_header_of_the_file(simulation):
+    simulation.population.crowd.level[1] = -1
+    simulation.population.crowd.start_time[2] = 0.3
+    simulation.scene.changes.append(Change(0.0, "close", "door"))
+    run(simulation, [0.0, 0.5]).finish(simulation, None)
+    written = read_trajectory(simulation.folder)
+    simulation.folder, simulation.recording = None, Recording([], None, in_memory=True)
+    assert simulation.recording.in_memory() is None
+    recorder = run(simulation, [0.0, 0.5])
+    kept = trajectory_in_memory(simulation.recording.in_memory())
+    simulation.time = 1.0
+    recorder.finish(simulation, None)
+    assert len(trajectory_in_memory(simulation.recording.in_memory())) == 3
+    assert kept.header == written.header
+    assert len(kept) == len(written) == 2
+    for ours, theirs in zip(kept.rows, written.rows, strict=True):
+        assert (ours.time, ours.changes) == (theirs.time, theirs.changes)
+        for name in ("person", "level", "started", "motion"):
+            own, other = getattr(ours, name), getattr(theirs, name)
+            assert (own.dtype, own.flags.writeable) == (other.dtype, other.flags.writeable)
+            np.testing.assert_array_equal(own, other)
