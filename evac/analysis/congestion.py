@@ -59,51 +59,47 @@ def find_congestion(
 
     >>> find_congestion(evac.read_trajectory("school-result"), 4.0, 10.0).places  # doctest: +SKIP
     """
-    watched = Exceedance(trajectory, density)
-    for level in trajectory.building.levels:
-        watched.watch(level, Grid(level, spacing, KERNEL_RADIUS), trajectory.time)
+    watched = Exceedance(trajectory, density, spacing)
     for part in records(trajectory):
         for index, here in part.by_level():
-            watched.levels[index].add(here.frame, here.position)
+            watched.densities[index].add(here.frame, here.position)
     return watched.congestion(least_time)
 
 
 class Exceedance:
-    """Where densities exceed a threshold: `watch` is for `evac.analysis.maps.level_maps` of all levels and times."""
+    """Where densities exceed a threshold, once people at all times are added to the `densities` of each level."""
 
-    def __init__(self, trajectory: Trajectory, density: float = DENSITY) -> None:
+    def __init__(self, trajectory: Trajectory, density: float = DENSITY, spacing: float = SPACING) -> None:
         if not 0.0 < density < math.inf:
             raise ResultError(f"the density of congestion must be greater than 0, got {density!r}")
         if not len(trajectory):
             raise ResultError(f"{trajectory.path}: no frame was recorded; the run ended before its first output")
-        self._building, self._density, self._time = trajectory.building, density, trajectory.time
-        self.levels: dict[int, Densities] = {}
-
-    def watch(self, level: Level, grid: Grid, time: FloatArray) -> Densities:
-        """Return the densities of a level at recorded times (f,) [s], which are watched."""
-        self.levels[level.index] = Densities(grid, time, self._density)
-        return self.levels[level.index]
+        self.trajectory, self._density = trajectory, density
+        self.densities = {
+            level.index: Densities(Grid(level, spacing, KERNEL_RADIUS), trajectory.time, density)
+            for level in trajectory.building.levels
+        }
 
     def congestion(self, least_time: float | None = None) -> Congestion:
         """Return the places that were congested for longer than a time [s]; see `find_congestion`."""
         if least_time is not None and not 0.0 <= least_time < math.inf:
             raise ResultError(f"the time of congestion must be at least 0, got {least_time!r}")
         if least_time is None:
-            least_time = SHARE * float(self._time[-1] - self._time[0])
-        places = [place for level in self._building.levels for place in self._places(level, least_time)]
+            least_time = SHARE * float(self.trajectory.time[-1] - self.trajectory.time[0])
+        places = [place for level in self.trajectory.building.levels for place in self._places(level, least_time)]
         return Congestion(
             density=self._density,
             least_time=least_time,
             places=tuple(sorted(places, key=lambda place: -place.duration)),
-            longest=max(float(densities.total.max()) for densities in self.levels.values()),
-            greatest_density=max(float(densities.greatest.max()) for densities in self.levels.values()),
+            longest=max(float(level.total.max()) for level in self.densities.values()),
+            greatest_density=max(float(level.greatest.max()) for level in self.densities.values()),
         )
 
     def _places(self, level: Level, least_time: float) -> Iterator[CongestedPlace]:
         """Yield the connected places in which the threshold was exceeded for longer than the least time."""
         from scipy.ndimage import label
 
-        own = self.levels[level.index]
+        own = self.densities[level.index]
         grid, total = own.grid, own.total.reshape(own.grid.shape)
         parts, count = label(total > least_time, np.ones((3, 3)))
         for part in range(1, count + 1):
@@ -113,7 +109,7 @@ class Exceedance:
             centre = grid.origin + grid.spacing * (np.array([column.mean(), row.mean()]) + 0.5)
             yield CongestedPlace(
                 level=level.title,
-                near=_nearest(self._building, level, centre),
+                near=_nearest(self.trajectory.building, level, centre),
                 x=float(centre[0]),
                 y=float(centre[1]),
                 area=len(inside) * grid.spacing**2,

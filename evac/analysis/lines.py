@@ -2,14 +2,14 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from typing_extensions import TypedDict
 
-from evac.analysis.measures import records
+from evac.analysis.measures import Records, records
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ResultError
 from evac.building.model.building import Building, Exit, Portal
@@ -308,11 +308,11 @@ def line_flows(trajectory: Trajectory) -> list[LineFlow]:
     passed: list[list[Passages]] = [[] for _ in lines]
     for moved in _moved(trajectory):
         there = {
-            level: np.flatnonzero((moved.level == level) | (moved.after == level))
+            level: np.flatnonzero((moved.level == level) | (moved.target == level))
             for level in {level for _, _, level, _, _ in lines}
         }
         for parts, (_, _, level, segment, _) in zip(passed, lines, strict=True):
-            parts.append(_through(moved, there[level], segment))
+            parts.append(_through(moved, there[level], segment, trajectory.time))
     flows = []
     for parts, (kind, name, level, segment, width) in zip(passed, lines, strict=True):
         person, time, forward = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -322,39 +322,23 @@ def line_flows(trajectory: Trajectory) -> list[LineFlow]:
     return flows
 
 
-class _Moved(NamedTuple):
-    """Straight ways of people between recorded times."""
-
-    person: IntArray
-    level: IntArray  # at the start
-    after: IntArray  # level at the end
-    start: FloatArray
-    end: FloatArray
-    begin: FloatArray  # time at the start [s]
-    span: FloatArray  # time that it takes [s]
-
-
-def _moved(trajectory: Trajectory) -> Iterator[_Moved]:
-    """Yield the ways of everybody who moved; those who have left go to the nearest exit of their level."""
-    building, time = trajectory.building, trajectory.time
-    span = np.diff(time, append=np.nan)
+def _moved(trajectory: Trajectory) -> Iterator[Records]:
+    """Yield the records of everybody who moved; those who have left go to the nearest exit of their level."""
+    building = trajectory.building
     for part in records(trajectory):
         start, end = part.position, part.after
-        gone = (part.target < 0) & (part.frame < len(time) - 1)
+        gone = (part.target < 0) & (part.frame < len(trajectory) - 1)
         for index in np.unique(part.level[gone]).tolist():
             left = gone & (part.level == index)
             segments = [segment.reshape(2, 2) for exit_ in building.exits_of(index) for segment in exit_.segments]
             if segments:
                 nearest = shapely.shortest_line(shapely.MultiLineString(segments), shapely.points(start[left]))
                 end[left] = shapely.get_coordinates(nearest).reshape(-1, 2, 2)[:, 0]
-        moved = np.flatnonzero(np.isfinite(end[:, 0]) & (start != end).any(axis=1))
-        after = np.where(part.target < 0, part.level, part.target)
-        columns: tuple[NDArray[Any], ...] = (part.person, part.level, after, start, end, part.frame)
-        person, level, after, start, end, frame = (column.take(moved, 0) for column in columns)
-        yield _Moved(person, level, after, start, end, time[frame], span[frame])
+        target = np.where(part.target < 0, part.level, part.target)
+        yield part._replace(target=target).chosen(np.isfinite(end[:, 0]) & (start != end).any(axis=1))
 
 
-def _through(moved: _Moved, here: NDArray[np.intp], segment: FloatArray) -> Passages:
+def _through(moved: Records, here: NDArray[np.intp], segment: FloatArray, time: FloatArray) -> Passages:
     """Return person, time and whether it is to the left, of each passage of some rows through a segment."""
     # Whoever stands on the line is at the left of the direction in which x, then y, grows, and of the ends the one from
     # which they grow belongs to the segment: so a line and its reverse count the same, and lines that share an end
@@ -362,7 +346,7 @@ def _through(moved: _Moved, here: NDArray[np.intp], segment: FloatArray) -> Pass
     is_reversed = tuple(segment[:2]) > tuple(segment[2:])
     first, last = (segment[2:], segment[:2]) if is_reversed else (segment[:2], segment[2:])
     along = last - first
-    start, end = moved.start.take(here, 0) - first, moved.end.take(here, 0) - first
+    start, end = moved.position.take(here, 0) - first, moved.after.take(here, 0) - first
     before = along[0] * start[:, 1] - along[1] * start[:, 0]  # positive to the left
     after = along[0] * end[:, 1] - along[1] * end[:, 0]
     turns = np.flatnonzero((before < 0.0) != (after < 0.0))
@@ -371,4 +355,5 @@ def _through(moved: _Moved, here: NDArray[np.intp], segment: FloatArray) -> Pass
     hits = (place >= 0.0) & (place < 1.0)
     turns, share = turns[hits], share[hits]
     rows = here[turns]
-    return moved.person[rows], moved.begin[rows] + share * moved.span[rows], (after[turns] >= 0.0) != is_reversed
+    begin, then = time[moved.frame[rows]], time[moved.frame[rows] + 1]
+    return moved.person[rows], begin + share * (then - begin), (after[turns] >= 0.0) != is_reversed

@@ -136,14 +136,16 @@ def level_maps(
     waiting_speed: float = WAITING_SPEED,
     start: float | None = None,
     end: float | None = None,
-    watch: Callable[[Level, Grid, FloatArray], Densities] | None = None,
+    densities: Mapping[int, Densities] | None = None,
+    also: Callable[[Records], None] = lambda part: None,
 ) -> Mapping[str, LevelMaps]:
     """Compute the maps of levels, given by names or indices, with the cars of lifts that stop there; by default of all.
 
     `spacing` is the side of the cells [m], `kernel_radius` that of the Gaussian kernel for densities, speeds and flows
     [m]. People slower than `waiting_speed` [m/s] count as waiting. The recorded times are those from `start` to `end`
-    [s]; a single one has maps of density, speed and flow. `watch` gets a level, its grid and the recorded times, and
-    returns the `Densities` to which people are added, see `evac.analysis.congestion.Exceedance`.
+    [s]; a single one has maps of density, speed and flow. If `densities` of each level
+    and these times are given, people are added to them on their grids, see `evac.analysis.congestion.Exceedance`;
+    `also` gets what is measured of everybody, see `evac.analysis.queues.QueueSearch`.
 
     >>> maps = level_maps(evac.read_trajectory("school-result"), ["ground"])["ground"]  # doctest: +SKIP
     >>> maps.density.shape, np.nanmax(maps.max_density)  # doctest: +SKIP
@@ -159,14 +161,11 @@ def level_maps(
         recorded = f"{trajectory.time[0]:g} to {trajectory.time[-1]:g} s" if len(trajectory) else "nothing"
         raise ResultError(f"{trajectory.path}: no frame between {first:g} and {last:g} s; recorded: {recorded}")
     time = trajectory.time[rows]
-    grids = [Grid(level, spacing, kernel_radius) for level in chosen]
-    sums = {
-        level.index: _Sums(
-            level, Densities(grid, time) if watch is None else watch(level, grid, time), trajectory.radius
-        )
-        for level, grid in zip(chosen, grids, strict=True)
-    }
+    if densities is None:
+        densities = {level.index: Densities(Grid(level, spacing, kernel_radius), time) for level in chosen}
+    sums = {level.index: _Sums(level, densities[level.index], trajectory.radius) for level in chosen}
     for part in records(trajectory, rows.astype(np.int32), waiting_speed):
+        also(part)
         for index, here in part.by_level():
             if index in sums:
                 sums[index].add(here)

@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -89,13 +89,8 @@ class Records(NamedTuple):
         """Yield each level on which somebody is, with the rows of the people there."""
         ordered = self.chosen(np.argsort(self.level, kind="stable"))
         levels, first = np.unique(ordered.level, return_index=True)
-        for level, start, end in zip(levels.tolist(), first, [*first[1:], len(ordered.level)], strict=True):
+        for level, start, end in zip(levels.tolist(), first, np.append(first, len(ordered.level))[1:], strict=True):
             yield level, ordered.chosen(slice(start, end))
-
-
-def joined(parts: Iterable[Records]) -> Records:
-    """Return the rows of all parts, of which there is one at least."""
-    return Records._make(map(np.concatenate, zip(*parts, strict=True)))
 
 
 def records(

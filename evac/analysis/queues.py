@@ -1,7 +1,7 @@
 """Queues by what causes them: the exit, door, stair or person beyond which people walk on, or thick smoke."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.analysis.lines import LineFlow
-from evac.analysis.measures import Records, joined, records
+from evac.analysis.measures import Records, records
 from evac.base.arrays import FloatArray
 from evac.base.errors import counted
 from evac.building.model.building import Building
@@ -105,41 +105,54 @@ def find_queues(trajectory: Trajectory, flows: Iterable[LineFlow], slow_from: fl
     The passages of people are those of `flows`, of all links, doors and lines. From the extinction coefficient
     `slow_from` on [1/m], smoke alone makes people as slow as those who wait.
     """
-    ways = _Ways(trajectory, flows)
-    causes = [_cause(trajectory.building, line) for line in ways.lines]
-    causes += [(kind, level.title) for kind in ("level", "smoke") for level in trajectory.building.levels]
-    numbers = {cause: number for number, cause in enumerate(dict.fromkeys(causes))}
-    number = np.array([numbers[cause] for cause in causes], np.int64)
-    queues, standing = [_Waiting(trajectory, ways, *cause) for cause in numbers], _Standing(trajectory)
-    for part in _whole_spans(trajectory, ways):
-        still = standing.add(part)
-        rows = part.chosen(part.waits > 0.0)
+    search = QueueSearch(trajectory, flows, slow_from)
+    for part in records(trajectory):
+        search.add(part)
+    return search.found()
+
+
+class QueueSearch:
+    """The search of `find_queues` in a pass over the records that others make as well."""
+
+    def __init__(self, trajectory: Trajectory, flows: Iterable[LineFlow], slow_from: float | None = None) -> None:
+        self._trajectory, self._slow_from = trajectory, math.inf if slow_from is None else slow_from
+        self._ways = ways = _Ways(trajectory, flows)
+        causes = [_cause(trajectory.building, line) for line in ways.lines]
+        causes += [(kind, level.title) for kind in ("level", "smoke") for level in trajectory.building.levels]
+        numbers = {cause: number for number, cause in enumerate(dict.fromkeys(causes))}
+        self._number = np.array([numbers[cause] for cause in causes], np.int64)
+        self._queues = [_Waiting(trajectory, ways, *cause) for cause in numbers]
+        self._standing, self._kept = _Standing(trajectory), list[Records]()
+
+    def add(self, part: Records) -> None:
+        """Add the records of all people at the next times; those of the last span are kept until it is over."""
+        self._ways.watch(part)
+        span = self._trajectory.time[part.frame] // SPAN
+        later = int(np.searchsorted(span, span[-1])) if len(span) else 0
+        if later:
+            self._add_whole([*self._kept, part.chosen(slice(later))])
+            self._kept = []
+        self._kept.append(part.chosen(slice(later, None)))
+
+    def _add_whole(self, parts: list[Records]) -> None:
+        """Add records, once it is known how long people waited until the end of their spans."""
+        part = Records._make(map(np.concatenate, zip(*parts, strict=True)))
+        still, rows, ways = self._standing.add(part), part.chosen(part.waits > 0.0), self._ways
         line, passes = ways.causes(rows)
-        in_smoke = _are_slow(trajectory, rows, math.inf if slow_from is None else slow_from)
-        line[in_smoke] = len(ways.lines) + len(trajectory.building.levels) + rows.level[in_smoke]
-        cause, away = number[line], ways.distances(rows, line)
+        in_smoke = _are_slow(self._trajectory, rows, self._slow_from)
+        line[in_smoke] = len(ways.lines) + len(self._trajectory.building.levels) + rows.level[in_smoke]
+        cause, away = self._number[line], ways.distances(rows, line)
         for k in np.unique(cause).tolist():
             own = np.flatnonzero(cause == k)
-            queues[k].add(rows.chosen(own), line[own], passes[own], away[own], still)
-    waited = sum(queue.waited for queue in queues)
-    return tuple(
-        sorted((queue.queue(waited, standing) for queue in queues if queue.waited), key=lambda queue: -queue.waited)
-    )
+            self._queues[k].add(rows.chosen(own), line[own], passes[own], away[own], still)
 
-
-def _whole_spans(trajectory: Trajectory, ways: "_Ways") -> Iterator[Records]:
-    """Yield the records of all people, once it is known how long people waited until the end of their spans."""
-    kept: list[Records] = []
-    for part in records(trajectory):
-        ways.watch(part)
-        span = trajectory.time[part.frame] // SPAN
-        later = int(np.searchsorted(span, span[-1]))
-        if later:
-            yield joined([*kept, part.chosen(slice(later))])
-            kept = []
-        kept.append(part.chosen(slice(later, None)))
-    if kept:
-        yield joined(kept)
+    def found(self) -> tuple[Queue, ...]:
+        """Return the queues after all records have been added."""
+        if self._kept:
+            self._add_whole(self._kept)
+        waited = sum(queue.waited for queue in self._queues)
+        queues = (queue.queue(waited, self._standing) for queue in self._queues if queue.waited)
+        return tuple(sorted(queues, key=lambda queue: -queue.waited))
 
 
 def _are_slow(trajectory: Trajectory, rows: Records, slow_from: float) -> NDArray[np.bool_]:

@@ -75,6 +75,8 @@ def account_of_run(results: Results, error: BaseException | None = None) -> Acco
 def account_of_folder(trajectory: Trajectory) -> Account:
     """Return the account of a run from its result folder."""
     folder, header = trajectory.path.parent, trajectory.header
+    if all((folder / name).exists() for name in (SUMMARY_NAME, PEOPLE_NAME)):
+        return account_of_run(results_beside(trajectory, folder))
     known: dict[str, Any] = {name: getattr(trajectory, name) for name in ("groups", "group", "radius", "height")}
     known["moves"] = recorded_moves(trajectory)
     known["lines"] = [flow for flow in line_flows(trajectory) if flow.kind == "line"]
@@ -85,8 +87,6 @@ def account_of_folder(trajectory: Trajectory) -> Account:
             "Exit times are rounded to recorded states."
         )
         return Account(str(header.get("title", "")), (), facts, (), (), text, **known)
-    if (folder / PEOPLE_NAME).exists():
-        return account_of_run(results_beside(trajectory, folder))
     return Account(answer=(), **_of_summary(results_beside(trajectory, folder, with_people=False), None), **known)
 
 

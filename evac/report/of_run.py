@@ -53,6 +53,7 @@ STOPPED = ("interrupted", "failed")
 def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> str:
     """Return the report of a run as a page of HTML."""
     run = read_results(folder)
+    congestion = congestion_sections(run, places)  # first, because its pass over the motion finds the queues as well
     picture = figures.cover(run.trajectory) if run.trajectory else None
     head = Head(
         run.title or folder.name, "Evacuation analysis: one run", run.verdict, banner(run), main_results(run), picture
@@ -64,7 +65,7 @@ def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> 
         times_section(run),
         *([margins] if margins is not None else []),
         *([fire_section(run)] if run.conditions else []),
-        *congestion_sections(run, places),
+        *congestion,
         section("warnings", "Warnings", quality=quality_of(run), before=run.warnings, is_study=False),
         verification_section(run.case_table, run.keeps_distance),
         section("assessment", "Assessment"),

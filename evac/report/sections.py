@@ -14,7 +14,7 @@ import shapely
 
 from evac.analysis.congestion import DENSITY, SHARE, Exceedance
 from evac.analysis.hydraulic import LABORATORY, DesignFlow
-from evac.analysis.maps import KERNEL_RADIUS, level_maps
+from evac.analysis.maps import KERNEL_RADIUS
 from evac.base.change import Change, changes_in_words
 from evac.base.distributions import as_text
 from evac.base.errors import counted, in_order
@@ -331,9 +331,8 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
     if least_time is None:
         least_time = SHARE * (run.last_out if run.is_complete and run.last_out else run.time)
     watched = Exceedance(trajectory, places.density)
-    maps = level_maps(trajectory, watch=watched.watch)
+    maps = run.maps(watched)
     congestion = watched.congestion(least_time)
-    queues = run.queues
     pictures = figures.map_pictures(trajectory, places.maps, maps, run.flows, places.service)
     return (
         section(
@@ -345,7 +344,7 @@ def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
             trajectory=trajectory,
             queues=[
                 figures.bottleneck(trajectory, queue, maps, number)
-                for number, queue in enumerate(queues[:MOST_QUEUES], 1)
+                for number, queue in enumerate(run.queues[:MOST_QUEUES], 1)
                 if number == 1 or queue.share >= LEAST_SHARE
             ],
             tables=run.tables,

@@ -17,7 +17,7 @@ from typing_extensions import TypedDict
 
 from evac.analysis import lines
 from evac.analysis.hydraulic import DesignFlow, design_flows, hydraulic_time
-from evac.analysis.queues import Queue, find_queues
+from evac.analysis.queues import Queue, QueueSearch, find_queues
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
 from evac.base.errors import ResultError, usable_path
@@ -56,6 +56,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
+    from evac.analysis.congestion import Exceedance
+    from evac.analysis.maps import LevelMaps
     from evac.case.case import Case
     from evac.results.answer import Answer
     from evac.results.tables import Rows
@@ -547,8 +549,18 @@ class Results:
     @cached_property
     def queues(self) -> tuple[Queue, ...]:
         """The queues in the recorded motion, the longest first; empty without it."""
-        thick = (self.conditions or {}).get("slow_from")
-        return find_queues(self.trajectory, self.flows, thick) if self.trajectory is not None else ()
+        return find_queues(self.trajectory, self.flows, self._slow_from) if self.trajectory is not None else ()
+
+    def maps(self, watched: "Exceedance") -> "Mapping[str, LevelMaps]":
+        """Return maps of the recorded motion on the grids of `watched`; finds congestion and `queues` meanwhile."""
+        search = QueueSearch(watched.trajectory, self.flows, self._slow_from)
+        maps = watched.trajectory.maps(densities=watched.densities, also=search.add)
+        vars(self)["queues"] = search.found()
+        return maps
+
+    @property
+    def _slow_from(self) -> float | None:
+        return (self.conditions or {}).get("slow_from")
 
     @cached_property
     def tables(self) -> "dict[str, Rows]":

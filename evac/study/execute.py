@@ -231,10 +231,8 @@ def make_row(task: Task, case: Case | None = None, tick: Callable[[Progress], No
         recorded = {"output.trajectory": True} if order.is_mapped else {}
         case = base.change(order.seeds.changes(task.run) | recorded)
         results = simulation_of(case, order.key, order.shared_scene, in_memory=True).run(tick)
+        maps, numbers = maps_of(results) if order.is_mapped else ([], [])  # finds the queues as well
         row = _row(task, results)
-        if not order.is_mapped:
-            return row
-        maps, numbers = maps_of(results)
         return replace(row, maps=maps, told={**row.told, "tables": [*row.told["tables"], *numbers]})
     except EvacError as error:
         return _failed_row(task, error)

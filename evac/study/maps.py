@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from evac.analysis.congestion import DENSITY, Exceedance
-from evac.analysis.maps import QUANTITIES, LevelMaps, level_maps
+from evac.analysis.maps import QUANTITIES, LevelMaps
 from evac.base.arrays import FloatArray
 from evac.building.model.cells import Cells
 from evac.results.verdict import least_margins
@@ -31,8 +31,8 @@ def maps_of(results: "Results") -> tuple[list[dict[str, Any]], list[dict[str, An
     trajectory, rows = results.trajectory, list[dict[str, Any]]()
     if trajectory is None or not len(trajectory):
         return [], []
-    watched, margins = Exceedance(trajectory), least_margins(results.margins, trajectory)
-    for level in level_maps(trajectory, spacing=SPACING, watch=watched.watch).values():
+    watched, margins = Exceedance(trajectory, spacing=SPACING), least_margins(results.margins, trajectory)
+    for level in results.maps(watched).values():
         least, here = np.full(level.density.size, np.nan), [of for of in margins if of.level.index == level.index]
         if here:
             cells = Cells(trajectory.building.levels[level.index], SPACING)

@@ -5,18 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from evac.analysis.congestion import Exceedance, find_congestion
 from evac.analysis.lines import link_flows, recorded_moves
-from evac.analysis.measures import records
-from evac.analysis.queues import find_queues
+from evac.analysis.maps import QUANTITIES, level_maps
+from evac.analysis.queues import QueueSearch, find_queues
 
 
-def queues_of(trajectory):
-    """Return the queues of a trajectory in which nobody passes several links between recorded times."""
+def flows_of(trajectory):
+    """Return the flows of a trajectory in which nobody passes several links between recorded times."""
     building, moves = trajectory.building, recorded_moves(trajectory)
     links = {tuple(sorted([*link.levels, -1][:2])): building.link_of(link) for link in building.links}
     ends = zip(moves.source.tolist(), moves.target.tolist(), strict=True)
     moves = replace(moves, link=np.array([links[min(pair), max(pair)] for pair in ends], np.int32))
-    return find_queues(trajectory, link_flows(building, moves))
+    return link_flows(building, moves)
+
+
+def queues_of(trajectory):
+    return find_queues(trajectory, flows_of(trajectory))
 
 
 def test_people_who_pass_nothing_wait_for_the_exit_that_is_nearest(written):
@@ -48,11 +53,9 @@ def test_stairs_are_causes_the_longest_queue_first(written):
 def test_a_queue_goes_on_to_what_is_passed_later_while_those_beyond_wait(written, monkeypatch, rows):
     """One walks down a stair, stands on it, and then before the door; the other stands above the stair meanwhile.
 
-    They are found in one pass, in parts of any size.
+    They are found in parts of any size.
     """
-    passes = []
     monkeypatch.setattr("evac.analysis.measures.MOST_ROWS", rows)
-    monkeypatch.setattr("evac.analysis.queues.records", lambda *given: passes.append(given) or records(*given))
     stops = [(14.5, 2, 3), (13.5, 1, 7), (9.5, 0, 5), (1.0, 0, 1), (1.0, -1, 8)]  # x, level, frames
     first = [[x, 1.0] for x, _, frames in stops for _ in range(frames)]
     levels = [level for _, level, frames in stops for _ in range(frames)]
@@ -65,7 +68,26 @@ def test_a_queue_goes_on_to_what_is_passed_later_while_those_beyond_wait(written
     assert at == {"stair 'lower'": [1, 2, 0, 0, 0], "exit 'door'": [0, 0, 1, 2, 1]}
     door = queues["exit 'door'"]
     assert (door.most, door.time, door.level, door.tail, door.most_on) == (2, 11.0, "floor 0", "floor 1", "floor 1")
-    assert len(passes) == 1
+
+
+@pytest.mark.parametrize("rows", [100_000, 30, 1])
+def test_one_pass_finds_the_maps_congestion_and_queues_that_each_finds_alone(written, monkeypatch, rows):
+    """Its parts have more than so many rows by the people of one time at most; in the last one nobody is inside."""
+    monkeypatch.setattr("evac.analysis.measures.MOST_ROWS", rows)
+    crowd = np.stack(np.meshgrid(np.arange(5), np.arange(5)), axis=-1).reshape(-1, 2) * 0.4 + [1.0, 1.2]
+    trajectory = written([crowd] * 9 + [crowd * 1.3] * 3, [[0] * 25] * 11 + [[-1] * 25])
+    flows, sizes = flows_of(trajectory), []
+    watched, search = Exceedance(trajectory), QueueSearch(trajectory, flows)
+    maps = level_maps(
+        trajectory, densities=watched.densities, also=lambda part: search.add(part) or sizes.append(len(part.frame))
+    )
+    (place,), (queue,) = find_congestion(trajectory).places, find_queues(trajectory, flows)
+    assert (watched.congestion().places, search.found()) == ((place,), (queue,))
+    for name, own in level_maps(trajectory).items():
+        for quantity in QUANTITIES:
+            np.testing.assert_array_equal(maps[name].array(quantity), own.array(quantity))
+    assert sum(sizes) == 11 * 25
+    assert max(sizes) <= rows + 25
 
 
 def test_nobody_waits_before_the_response_time(written):
