@@ -12,7 +12,7 @@ the attribute.
 import ctypes
 import os
 from collections.abc import Callable, Sequence
-from functools import cached_property, partial
+from functools import cached_property
 from types import ModuleType
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_origin, get_type_hints
 
@@ -180,10 +180,14 @@ class Struct:
         return type(self)(**(self.values() | changes))
 
     def __reduce__(self) -> Any:
-        return partial(type(self), **self.values()), ()
+        return _rebuilt, (type(self), self.values())  # copy.deepcopy copies the arguments
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(self.kinds)})"
+
+
+def _rebuilt(struct: type[Struct], values: dict[str, Any]) -> Struct:
+    return struct(**values)
 
 
 #: Whether kernels run as Python functions, for debugging.

@@ -1,5 +1,6 @@
 """Memory shared with kernels: where each attribute is, what is refused, and what replacing an array does."""
 
+import copy
 import ctypes
 import pickle
 from typing import ClassVar
@@ -143,9 +144,10 @@ def test_a_copy_shares_arrays_but_not_numbers():
     assert twin.memory_address != struct.memory_address
 
 
-def test_structs_go_through_pickle():
+@pytest.mark.parametrize("copied", [lambda struct: pickle.loads(pickle.dumps(struct)), copy.deepcopy])
+def test_structs_go_through_pickle_and_deep_copies(copied):
     struct = outer()
-    twin = pickle.loads(pickle.dumps(struct))
+    twin = copied(struct)
     assert type(twin) is Outer
     assert (twin.step, twin.number, twin.own.weight) == (0.25, -3, 1.5)
     np.testing.assert_array_equal(twin.place, struct.place)
