@@ -18,12 +18,6 @@ def cells_of(mesh, tag):
     return np.array(mesh.cells)[np.array(mesh.cell_tags[tag])]
 
 
-def area_of(mesh, tag):
-    """Return the area of a surface on its slope."""
-    a, b, c = np.moveaxis(np.array(mesh.points)[cells_of(mesh, tag)], 1, 0)
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
-
-
 @pytest.fixture
 def flight_beside_floor():
     """A floor 6 m wide with a hole, and a flight 2 m wide that rises 3 m over 4 m from its northern side."""

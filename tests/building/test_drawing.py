@@ -1,6 +1,5 @@
 """What is unlikely to be meant in a plan is reported with its place: heights, areas, repairs, units, steep stairs."""
 
-import numpy as np
 import pytest
 import shapely
 from shapely import Point, box
@@ -75,63 +74,6 @@ def test_an_exit_given_as_a_polygon_between_two_parts_of_the_floor_is_warned_of(
     plan.exit("cut", "ground", polygon=polygon)
     found = [one for one in warnings(plan) if "'cut'" in one.text]
     assert [(one.level, polygon.covers(Point(one.place))) for one in found] == [("ground", True)] * count
-
-
-def outline_with_doors(seed):
-    """Return a turned outline, and the segments of doors up to 0.15 m beside its sides."""
-    rng = np.random.default_rng(seed)
-    if seed % 2:
-        around = np.sort(rng.uniform(0, 2 * np.pi, 30))
-        outline = shapely.convex_hull(
-            shapely.MultiPoint(rng.uniform(5, 12, (30, 1)) * np.c_[np.cos(around), np.sin(around)])
-        )
-    else:
-        corners = [rng.uniform(0, 5, 2) for _ in range(4)]
-        outline = shapely.union_all(
-            [box(x, y, *(corner + rng.uniform(5, 9, 2))) for corner in corners for x, y in [corner]]
-        )
-    angle, shift = rng.uniform(0, 2 * np.pi), rng.uniform(-500, 500, 2)
-    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    ring = shapely.get_coordinates(shapely.Polygon(outline.exterior)) @ turn + shift
-    doors = []
-    for _ in range(rng.integers(1, 6)):
-        k, width = rng.integers(len(ring) - 1), rng.uniform(0.8, 2.0)
-        length = np.hypot(*(ring[k + 1] - ring[k]))
-        if length > width:
-            way = (ring[k + 1] - ring[k]) / length
-            start = ring[k] + rng.uniform(0, length - width) * way + rng.uniform(-0.15, 0.15) * way[::-1] * (1, -1)
-            doors.append(np.array([start, start + width * way]))
-    return shapely.Polygon(ring), doors
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["exit", "door", "polygon"])
-@pytest.mark.parametrize("first", range(0, 500, 100))
-def test_doors_beside_outlines_of_any_angle_are_exits_that_share_nothing(kind, first):
-    for seed in range(first, first + 100):
-        outline, doors = outline_with_doors(seed)
-        plan = Plan()
-        plan.storey("floor", outline)
-        for number, ends in enumerate(doors):
-            if kind == "exit":
-                plan.exit(f"{number}", "floor", ends)
-            elif kind == "polygon":
-                polygon = shapely.LineString(ends).buffer(0.02 + 0.02 * (seed % 5), cap_style="flat")
-                plan.exit(f"{number}", "floor", polygon=polygon)
-            else:
-                plan.door(f"{number}", "floor", ends, outside="exit")
-        exits = plan.building(need_exit=False).exits
-        lines = [shapely.multilinestrings(way.segments.reshape(-1, 2, 2)) for way in exits]
-        assert all(way.width > 0.5 for way in exits), seed
-        assert shapely.union_all(lines).length == pytest.approx(sum(way.width for way in exits), abs=1e-3), seed
-        for ends in doors:  # all of a door is an exit, its own or one that it overlaps, but for less than 0.5 m
-            near = (
-                shapely.union_all(lines)
-                .buffer(0.5 if kind == "polygon" else 0.31)
-                .intersection(shapely.LineString(ends))
-                .length
-            )
-            assert near > np.hypot(*(ends[1] - ends[0])) - 0.51, seed
 
 
 def test_an_exit_given_as_a_polygon_in_another_is_left_out():

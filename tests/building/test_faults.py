@@ -11,7 +11,6 @@ import pytest
 from shapely import box
 
 from evac import BuildingError, Plan, Simulation, load
-from evac.building.plan.drawing import Drawing
 from evac.building.plan.plantable import plan_of, table_of
 from tests.building.test_rooms import random_house
 
@@ -319,27 +318,6 @@ def test_a_stair_that_partly_adjoins_is_told_with_the_turn_that_adjoins():
     table = table_of(plan)
     mend(table, found)
     assert not plan_of(table, Path("house"), Path()).check()
-
-
-def test_the_remedy_of_a_shaft_is_tried_once_for_all_its_storeys(monkeypatch):
-    """Here no change helps: the upper edges lie 1.2 m beside the floor of 1 m to which they should lead."""
-    drawn = Counter()
-    mesh = Drawing.mesh
-
-    def counted(drawing):
-        drawn[len(drawing.plan.storeys)] += 1
-        return mesh(drawing)
-
-    monkeypatch.setattr(Drawing, "mesh", counted)
-    for storeys in (2, 5):
-        plan = Plan()
-        for k in range(storeys):
-            plan.storey(f"{k}", box(0, 0, 10, 10) if k == 0 else box(0, 3, 10, 9), z=3.0 * k)
-        plan.shaft("up", "0", f"{storeys - 1}", [(0, 4), (0, 5.2)], direction=(-1, 0), length=3.0, turn="left")
-        plan.exit("out", "0", [(10, 1), (10, 2)])
-        findings = [one for one in plan.building().findings if one.item == "shafts.up"]
-        assert [one.level for one in findings] == [f"{k}" for k in range(1, storeys)]
-    assert drawn[2] == drawn[5] > 1
 
 
 #: Changes that spoil the house below, and the key and the remedy of the error that each makes.

@@ -55,7 +55,6 @@ class Mistake(NamedTuple):
 ACT = "    def act(self, crowd, time):\n        crowd.speed_factor[:] *= self.factor\n"
 DO = "crowd.speed_factor[:] *= self.factor"
 CORRECT = "correct the plugin"
-READ = "def read(self, path):"
 WRITE = "        np.savez(path, time=trajectory.time)\n        return [path]\n"
 READS = (
     "    def read(self, path):\n        plan = Plan(path)\n"

@@ -270,17 +270,3 @@ def test_the_document_of_results_names_every_key_and_column(text):
     assert re.findall(r"^\| `(\w+)`", table("summary"), re.MULTILINE) == list(summary)
     named = set(re.findall(r"`(\w+)`", text("docs/results.md") + filled(text("docs/summary.md"))))
     assert {*summary, *summary["contact"], *PEOPLE_COLUMNS, *EXPOSURE_COLUMNS, *EGRESS_COLUMNS} <= named
-
-
-def test_each_reader_has_a_way_of_at_most_eight_pages(text):
-    ways = re.findall(r"^\*\*[\w -]+\*\* .+?\n\n((?:\d\. .+\n)+)", text("docs/index.md"), re.MULTILINE)
-    assert len(ways) == 3
-    assert all(3 <= len(way.splitlines()) <= 8 and "notebooks/" in way for way in ways)
-
-
-def test_the_gallery_has_a_command_before_each_of_twelve_small_pictures(text, root):
-    page = text("docs/gallery.md")
-    pictures = re.findall(r"\]\((images/.+?)\)", page)
-    assert len(pictures) == 12
-    assert all((root / "docs" / picture).stat().st_size < 400_000 for picture in pictures)
-    assert re.fullmatch(r"(?s)# Pictures\n.+?(```bash\n.+?```\n\n(!\[.+?\]\(.+?\)\n)+.*?)+", page)

@@ -21,7 +21,6 @@ from tests.docs.conftest import ROOT
 
 EXAMPLES = ROOT / "docs" / "examples"
 NOTEBOOKS = [ROOT / "docs" / "notebooks" / f"{name}.ipynb" for name in ("dashboard", "lesson")]
-PACKAGE = sorted((ROOT / "tests" / "third_party").glob("*alarm.py"))
 
 
 @pytest.fixture
@@ -34,14 +33,6 @@ def run(tmp_path, monkeypatch):
 def code_of(notebook):
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
     return "\n\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
-
-
-def test_each_has_at_most_60_lines():
-    lengths = {path.name: len(path.read_text(encoding="utf-8").splitlines()) for path in EXAMPLES.glob("*.py")}
-    lengths |= {path.name: len(code_of(path).splitlines()) for path in NOTEBOOKS}
-    lengths["package"] = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in PACKAGE)
-    assert len(lengths) == 10
-    assert max(lengths.values()) <= 60
 
 
 def test_the_service_runs_cases_and_tells_about_them(run):
@@ -133,12 +124,3 @@ def test_notebooks_run(notebook, monkeypatch, capsys):
         assert names["runs"][1.8].last_out < names["runs"][0.9].last_out
     else:
         assert names["results"].evacuated == 20
-
-
-def test_sliders_of_the_dashboard_are_made(monkeypatch):
-    widgets = pytest.importorskip("ipywidgets")
-    mpl.use("Agg")
-    names, made = {}, []
-    monkeypatch.setattr(widgets, "interact", lambda function, **ranges: made.append((function(), sorted(ranges))))
-    exec(compile(code_of(NOTEBOOKS[0]), "dashboard.ipynb", "exec"), names)
-    assert made[0][1] == ["number", "time", "width"]

@@ -141,13 +141,6 @@ def test_two_people_collide_as_hertz_says(plugin_files, mass):
     assert kinetic_energy(crowd) == pytest.approx(mass * 1.5**2, rel=2e-3)
 
 
-def test_damping_makes_hertz_lose_energy(plugin_files):
-    model = class_of(plugin_files, "hertz", "contact_models")(damping=500.0)
-    crowd = make_crowd([(-0.21, 0), (0.21, 0)], [(1.5, 0), (-1.5, 0)], radius=0.2, mass=80.0, tau=1e30)
-    walk(model, crowd, 2000, h=1e-4, tick=100)
-    assert 0.2 < kinetic_energy(crowd) / (80.0 * 1.5**2) < 0.9
-
-
 WALL = make_building(walls=[(0, -60, 0, 60)])
 
 #: Desired force on a person who leans on the wall [N], and its mass [kg] and relaxation time [s].
@@ -175,39 +168,6 @@ def test_a_disc_at_a_wall_sticks_below_the_limit_of_coulomb_and_slides_above(plu
         crowd, turn = leaning(model, ratio, 8000)
         slide = TAU / MASS * LEAN * (math.sin(turn) - mu * math.cos(turn))
         np.testing.assert_allclose(crowd.velocity, [(0.0, slide)], rtol=0, atol=2e-6)
-
-
-def test_the_energy_of_a_stick_slip_cycle_is_the_area_of_its_loop(plugin_files):
-    """A heavy disc is moved to and fro by 2 A along a wall: it takes 4 mu N (A - mu N / k_t) in a cycle."""
-    mu, k_t, overlap, speed, half = 0.4, 8e4, 0.02, 0.5, 1000
-    model = class_of(plugin_files, "tangential_spring", "contact_models")(friction=mu, damping=0.0)
-    crowd = make_crowd([(overlap - 0.2, 0.0)], [(0.0, speed)], radius=0.2, mass=1e12, tau=1e30)
-    engine, taken = make_engine(crowd, WALL), []
-    for cycle in range(6):
-        crowd.velocity[:] = [(0.0, speed if cycle % 2 == 0 else -speed)]
-        engine.advance(model, crowd, half * cycle, half, 1e-4, True, False)
-        report = engine.report()
-        taken.append(report["contact_dissipation"] - report["contact_creation"])
-    longest, amplitude = mu * 1.2e5 * overlap / k_t, 0.5 * speed * half * 1e-4
-    assert amplitude > 2.0 * longest
-    loop = 4.0 * k_t * longest * (amplitude - longest)
-    assert taken[5] - taken[3] == pytest.approx(loop, rel=2e-3)
-    assert taken[3] - taken[1] == pytest.approx(taken[5] - taken[3], rel=1e-6)
-
-
-def test_the_stretch_is_forgotten_when_two_people_part(plugin_files):
-    """Turned away from the wall and back again, the disc has a spring at rest, by which it swings as the first time."""
-    model = class_of(plugin_files, "tangential_spring", "contact_models")()
-    crowd = make_crowd([(-0.19, 0.0)], [(0.0, 0.1)], radius=0.2, mass=MASS, tau=1e30)
-    engine = walk(model, crowd, 5, h=1e-3, building=WALL)
-    stretch = engine.memory["numbers"]
-    assert stretch[0, 0] == pytest.approx(-4 * 1e-4, rel=0.01)  # the tangent is (0, -1)
-    walk(model, crowd, 200, h=1e-3, engine=engine)
-    assert crowd.position[0, 0] < -0.2
-    assert engine.memory["numbers"].shape == (0, 1)
-    crowd.position[:], crowd.velocity[:] = (-0.19, 0.0), 0.0
-    walk(model, crowd, 5, h=1e-3, engine=engine)
-    assert crowd.velocity[0, 1] == 0.0
 
 
 def test_a_run_resumed_while_people_stick_goes_on_to_the_bit(plugin_files, tmp_path):

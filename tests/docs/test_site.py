@@ -10,7 +10,6 @@ import pytest
 
 import evac
 from evac.case.loading import load_case
-from evac.case.schema import shipped_presets
 from evac.contract.registry import Registry
 from evac.simulation.simulation import Simulation
 from tests.docs.conftest import MARK, filled, table
@@ -51,11 +50,6 @@ def test_every_key_and_plugin_is_described_on_a_page_once(root):
             assert f"### {name}\n" in table(kind)
             assert all(f"| `{one}` |" in table(kind) for one in plugin.declared())
     assert not MARK.search(filled("\n".join(pages)))
-
-
-def test_every_link_has_a_text(root):
-    for path in (root / "docs").rglob("*.md"):
-        assert "[](" not in path.read_text(encoding="utf-8"), path
 
 
 def test_every_page_is_in_the_contents(root):
@@ -104,13 +98,3 @@ def test_recipes_are_taken(text, split_level, monkeypatch):
     assert named <= {group.name for group in simulation.population.groups}
     used = {behaviour.name for behaviour, _ in simulation.behaviours}
     assert set(recipe.get("behaviours", {})) - {"route_choice"} <= used
-
-
-@pytest.mark.parametrize("preset", sorted(shipped_presets()))
-def test_every_preset_takes_the_place_of_the_one_in_a_recipe(preset, split_level, monkeypatch):
-    folder, case = split_level
-    monkeypatch.chdir(folder)
-    (recipe,) = (text for text in RECIPES if 'name = "balcony"' in text and 'preset = "wheelchair"' in text)
-    simulation = Simulation(load_case(merged(case, tomllib.loads(recipe.replace('"wheelchair"', f'"{preset}"')))))
-    simulation.advance_tick()
-    assert simulation.population.inside == 2

@@ -1,15 +1,6 @@
-"""Buildings as people write them, taken through the page of `evac edit`: opened, saved, edited, undone.
-
-`python tests/editor/round_trips.py 200` takes 200 generated buildings through the page, and all shipped cases;
-`round_trips.py 200 1000` those of the seeds from 1000 on.
-"""
+"""Buildings as people write them, taken through the page of `evac edit`: opened, saved, edited, undone."""
 
 import random
-import sys
-import tempfile
-import threading
-import time
-import traceback
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -129,51 +120,3 @@ def taken_through(page, seed):
 def check_same(found, wanted):
     """Check that tables are the same; name the sections that differ."""
     assert [key for key in {*found, *wanted} if found.get(key) != wanted.get(key)] == [], (found, wanted)
-
-
-def main(count, first=0):
-    """Take many buildings, the first of them of a seed, and all shipped cases, through the page."""
-    import shutil
-
-    sys.path[:0] = [str(ROOT), str(ROOT / "tests/replay")]
-    from browser import Browser, find_chromium
-
-    from evac.cli.main import main as evac
-    from evac.editor import Server, Session
-    from tests.editor.test_page import Page
-
-    place = Path(tempfile.mkdtemp())
-    shutil.copytree(ROOT / "buildings", place / "buildings")
-    evac(["new", str(place / "new")])
-    cases = [place / "new", *(path.parent for path in sorted((place / "buildings").glob("*/case.toml")))]
-    (place / "profile").mkdir()
-    browser = Browser(find_chromium(), place / "profile")
-    steps = failed = 0
-
-    def through(server, seed, name):
-        nonlocal steps, failed
-        try:
-            page = Page(browser, server)
-            steps += taken_through(page, seed)
-            page.close()
-        except AssertionError as error:
-            failed += 1
-            line = traceback.extract_tb(error.__traceback__)[-1].line
-            print(f"{name}: {line}: {str(error)[:300]}", flush=True)
-
-    for case in [*cases, written(first, place / "generated")]:
-        with Server(Session(case)) as server:
-            threading.Thread(target=server.serve_forever, daemon=True).start()
-            for seed in range(first, first + (count if case.name == "generated" else 1)):
-                if case.name == "generated":
-                    time.sleep(0.5)  # in which the page before writes its journal
-                    shutil.rmtree(case)
-                    written(seed, case)
-                through(server, seed, f"{case.name} {seed}")
-            server.shutdown()
-    browser.close()
-    print(f"{len(cases) + count} cases, {steps} edits, {failed} that differ")
-
-
-if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))

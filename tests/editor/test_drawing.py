@@ -157,39 +157,6 @@ def test_several_rooms_are_given_a_use_and_deleted_at_once(page):
     assert [row["name"] for row in page.plan["rooms"]] == ["stairs"]
 
 
-def test_the_use_of_a_room_stands_in_it(page):
-    page.run("editor.texts = [], editor.view.text = (words) => editor.texts.push(words)")
-    page.run("editor.store.commit(editor.store.now.put({ section: 'rooms', index: 1 }, 'use', 'office'))")
-    page.browser.settle()
-    assert "office" in page.run("editor.texts")
-
-
-def test_a_room_that_reaches_out_of_the_view_is_shown_whole(page):
-    page.keys("r")
-    page.click((0, 6))
-    page.browser.mouse("mouseMoved", *page.spot(3, 7))
-    page.keys("4", "0", "x", "2")
-    assert page.run("editor.tools.box") == [[0, 6], [40, 8]]
-    page.keys("Enter")
-    left, _ = page.spot(40, 8)
-    right = page.run("document.getElementById('view').getBoundingClientRect().right")
-    assert page.row("rooms", "room")["polygon"] == [[0, 6], [40, 6], [40, 8], [0, 8]]
-    assert left < right
-
-
-def test_what_a_click_would_make_is_shown_under_the_pointer_only(page):
-    page.run("editor.lines = 0, editor.view.ghosts = () => (editor.lines += 1, [])")
-    page.keys("d")
-    page.browser.mouse("mouseMoved", *page.spot(6, 2))
-    page.browser.settle()
-    assert page.run("editor.lines") > 0
-    page.browser.mouse("mouseMoved", 5, 5)
-    page.browser.settle()
-    page.run("editor.lines = 0, editor.view.draw()")
-    page.browser.settle()
-    assert page.run("editor.lines") == 0
-
-
 def test_an_exit_is_dragged_round_the_corner_of_a_room(page):
     page.keys("e")
     page.click((3, 0))
@@ -206,18 +173,6 @@ def test_a_door_is_as_wide_as_it_is_dragged(page):
     page.keys("d")
     page.drag((6, 1), (6, 3))
     assert page.row("doors", "door")["segment"] == {"rooms": ["a", "b"], "at": 2, "width": 2}
-
-
-def test_the_size_stands_in_a_rectangle_that_is_dragged(page):
-    page.run("editor.texts = [], editor.view.text = (words) => editor.texts.push(words)")
-    page.keys("r")
-    (x1, y1), (x2, y2) = page.spot(1, 6), page.spot(4.5, 8)
-    page.browser.mouse("mouseMoved", x1, y1)
-    page.browser.mouse("mousePressed", x1, y1, 1)
-    page.browser.mouse("mouseMoved", x2, y2, 1)
-    page.browser.settle()
-    assert "3.50 \u00d7 2.00 m" in page.run("editor.texts")
-    page.browser.mouse("mouseReleased", x2, y2)
 
 
 def test_copies_of_a_storey_are_above_all_others(page):

@@ -1,8 +1,6 @@
 """Lifts on the page: one object over storeys, drawn, changed, judged and saved."""
 
-import shutil
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -97,14 +95,6 @@ def test_the_door_is_where_there_is_most_floor(page, ends, door):
     assert page.text("#verdict") == "Can be run"
 
 
-def test_a_lift_needs_a_storey_above(page):
-    page.run("editor.act.goTo('second')")
-    page.keys("u")
-    page.drag((9, 3), (10.5, 5))
-    assert "there is none" in page.text("#told")
-    assert len(page.plan["lifts"]) == 1
-
-
 def test_a_lift_its_sides_and_its_door_are_dragged(page):
     page.click((4.8, 9))
     assert page.text("#inspector h2") == "Lift north"
@@ -183,29 +173,3 @@ def test_floor_that_only_lifts_reach_is_not_hatched(page):
     assert page.run("editor.view.judged.levels.filter(({ reached }) => reached).map(({ storey }) => storey)") == [
         "ground"
     ]
-
-
-def test_a_lift_is_one_shaft_in_3d(page):
-    page.keys("3")
-    page.browser.wait("editor.view3d.isBuilt")
-    with_lift = page.picture()
-    assert page.run("editor.view3d.stage.meshes.cars.count") > 0
-    page.run("editor.store.commit(editor.store.now.with({ lifts: [] }))")
-    page.judged()
-    page.browser.wait("editor.view3d.stage.meshes.cars.count === 0")
-    assert (np.abs(with_lift - page.picture()).sum(axis=2) > 30).mean() > 0.002
-
-
-def test_the_view_opens_with_all_lifts_and_stairs_in_it(browser, serve, tmp_path):
-    shutil.copytree(Path(__file__).parents[2] / "buildings/tower", tmp_path / "tower")
-    page = Page(browser, serve(tmp_path / "tower"))
-    page.judged()
-    left, top, right, bottom = page.run(
-        """(() => { const { view } = editor, corners = view.levels().flatMap(({ polygons }) => polygons.flat(2));
-            const spots = corners.map((corner) => view.spot(corner));
-            const of = (i, most) => Math[most](...spots.map((spot) => spot[i]));
-            return [of(0, "min"), of(1, "min"), view.size[0] - of(0, "max"), view.size[1] - of(1, "max")]; })()"""
-    )
-    page.close()
-    assert left > 130  # the tools are at the left
-    assert min(top, right, bottom) > 0

@@ -7,9 +7,7 @@ import subprocess
 import threading
 import tomllib
 from base64 import b64decode
-from concurrent.futures import Future
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -187,22 +185,6 @@ def test_a_wall_is_moved_with_its_door_and_only_its_lines_change(page):
     assert git(house, "diff", "--numstat") == "2\t2\thouse.plan.toml\n"
 
 
-def test_a_plan_that_takes_long_to_paint_is_moved_as_a_picture(page):
-    moved, off = page.run(
-        """(() => { const { view } = editor, { pen, canvas: { width, height } } = view;
-            const shot = () => pen.getImageData(100, 100, width - 200, height - 200).data;
-            const differing = (a, b) => a.filter((value, k) => Math.abs(value - b[k]) > 60).length / a.length;
-            view.paint();
-            const before = shot();
-            Object.assign(view, { paintTime: 1000 }).pan([40 / view.zoom, 0]);
-            const after = shot();
-            view.paint();
-            return [differing(before, after), differing(after, shot())]; })()"""
-    )
-    assert moved > 0.01
-    assert off < 0.1 * moved
-
-
 def test_findings_appear_while_one_draws_and_lead_to_their_place(page):
     page.click((8.1, 2.5))
     assert page.text("#inspector h2") == "Door"
@@ -319,13 +301,6 @@ def test_a_fault_of_the_case_is_a_finding(page):
     page.judged()
     assert page.text("#verdict") == "Cannot be run: 1 error"
     assert "people.visitors.number" in page.text("#findings .error")
-
-
-def test_groups_know_areas_and_storeys_by_their_new_names(page):
-    page.run("editor.store.commit(editor.store.now.rename({ section: 'areas', index: 0 }, 'desks'))")
-    page.run("editor.store.commit(editor.store.now.rename({ section: 'storeys', index: 0 }, 'low'))")
-    groups = page.plan["case"]["people"]
-    assert [(group.get("level"), group.get("area")) for group in groups] == [("low", None), (None, "desks")]
 
 
 def test_people_of_a_run_are_on_their_storey(page, monkeypatch):
@@ -567,13 +542,6 @@ def test_everything_is_done_by_the_keyboard(page):
     assert page.run("document.getElementById('view').hidden")
 
 
-def test_a_wall_is_moved_by_the_keyboard(page):
-    page.click((11, 5))
-    page.keys("c", "c")  # a corner, then the wall from it
-    page.keys("ArrowDown", modifiers=SHIFT)
-    assert page.row("rooms", "shop")["polygon"] == [[8.2, -1], [14, -1], [14, 8], [8.2, 8]]
-
-
 def test_a_new_name_is_used_where_the_old_one_was(page):
     page.click((11, 5))
     page.type("Name", "<b>café</b> & 'co'")
@@ -602,17 +570,6 @@ def test_a_storey_is_copied_up_with_its_stair(page):
     assert [row["z"] for row in page.plan["storeys"]] == pytest.approx([0, 3.2, 6.4, 9.6, 12.8])
     assert page.run("editor.view.judged.levels.filter(({ kind }) => kind === 'flight').length") == 4
     assert page.saved() == page.plan
-
-
-def test_single_stairs_are_copied_with_their_storey(page):
-    page.run("const { store } = editor; store.commit(store.now.with({ shafts: [], stairs: store.now.rows('shafts') }))")
-    page.judged()
-    assert page.text("#verdict") == "Can be run"
-    page.run("editor.act.goTo('first')")
-    page.run("document.querySelector('#copy button').click()")
-    assert [(row["lower"], row["upper"]) for row in page.plan["stairs"]] == [("ground", "first"), ("first", "first 2")]
-    page.judged()
-    assert page.run("editor.view.judged.levels.filter(({ kind, reached }) => kind === 'flight' && reached).length") == 2
 
 
 def test_infinite_values_and_openings_of_files_are_shown(page):
@@ -664,22 +621,6 @@ def test_a_file_that_changes_meanwhile_is_told_and_kept(page):
     assert page.saved()["doors"][0]["segment"]["width"] == 1.0
     file.write_text(text)
     page.browser.wait("!document.getElementById('banner').hidden")
-    page.press("take-file")
-    page.browser.wait("editor.store.now.content.doors[0].segment.width === 1.3")
-    page.browser.errors = [one for one in page.browser.errors if "409" not in one]
-
-
-def test_what_another_page_saves_is_told_and_kept(page):
-    session = page.server.session
-    page.drag((8, 4.2), (9, 4.2))
-    document = session.document()
-    document["table"]["doors"][0]["segment"]["width"] = 1.3
-    session.save(document["table"], document["digest"])
-    page.browser.wait("!document.getElementById('banner').hidden")
-    text = session.file.read_text()
-    page.keys("s", modifiers=CONTROL)
-    page.browser.settle()
-    assert session.file.read_text() == text
     page.press("take-file")
     page.browser.wait("editor.store.now.content.doors[0].segment.width === 1.3")
     page.browser.errors = [one for one in page.browser.errors if "409" not in one]
@@ -743,17 +684,6 @@ def test_unsaved_work_is_here_again_after_the_end_of_the_server(page):
     page.press("save")
     page.browser.wait("document.getElementById('banner-text').textContent.includes('start it again')")
     page.browser.errors = [one for one in page.browser.errors if "ERR_" not in one]
-
-
-def test_each_change_is_kept_also_while_an_earlier_one_is_judged(page, eventually, monkeypatch):
-    session = page.server.session
-    monkeypatch.setattr(session, "_pool", SimpleNamespace(submit=lambda *given: judged.append(given) or Future()))
-    judged = []
-    for k in range(2):
-        page.run(f"editor.store.commit(editor.store.now.put({{ section: 'rooms', index: 0 }}, 'people', {k}))")
-        eventually(lambda: judged and session.journal.exists())
-        eventually(lambda k=k: json.loads(session.journal.read_text())["table"]["rooms"][0]["people"] == k)
-    assert len(judged) == 1
 
 
 def test_the_people_of_a_mesh_are_edited_but_not_its_building(browser, serve, tmp_path):

@@ -1,4 +1,4 @@
-"""Buildings go through the page and come back to the byte; `round_trips.py` takes many more through it."""
+"""Buildings go through the page and come back to the byte."""
 
 import shutil
 

@@ -1,18 +1,12 @@
 """The parts of the accuracy page: what they compute, on small problems."""
 
-import csv
 import math
-import sys
-from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 import shapely
-from scipy import sparse
 
 from evac.directions.build import BEND
-from evac.evidence.accuracy import targets
-from evac.evidence.accuracy.peer import INERTIAL, OVERDAMPED, compare
 from evac.evidence.accuracy.problems import LAWS, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy.reference import (
     ContactLaw,
@@ -25,20 +19,13 @@ from evac.evidence.accuracy.reference import (
     sweep,
     wall_distances,
 )
-from evac.evidence.accuracy.solvers import TOLERANCES, factor_rows, measure, time_to
+from evac.evidence.accuracy.solvers import factor_rows
 from evac.evidence.accuracy.trajectories import (
-    LARGEST,
-    PHASES,
     PROBLEMS,
-    SPEED,
-    SPREAD,
     VARIANTS,
-    order_of,
-    shifts_of,
     walked,
 )
-from evac.evidence.directions.page import angles_between, l_corner, stair
-from evac.evidence.evidence import Evidence
+from evac.evidence.directions.page import angles_between, l_corner
 from evac.evidence.scenes import plugins
 
 L_PLAN = shapely.Polygon([(0, 0), (8, 0), (8, 2), (2, 2), (2, 7), (0, 7)])
@@ -139,29 +126,6 @@ def test_solvers_agree_with_the_independent_reference(crowds, law, solver):
     assert problem.size > 40
 
 
-def test_people_in_rows_touch_and_every_solver_is_timed_on_them(tmp_path, monkeypatch):
-    """Some of the contacts push, and every solver is timed or said to have been given its time."""
-    monkeypatch.setattr(targets, "LAWS", LAWS[:2])
-    evidence = Evidence("accuracy", tmp_path, quick=True)
-    targets.run_rows(evidence)
-    with (tmp_path / "solvers_rows.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert [row["to"] for row in rows] == ["0.0001 m", "1e-06 m", "0.0001 m/s", "1e-06 m/s"]
-    for row in rows:
-        assert int(row["contacts"]) > 200  # of 100 people
-        times = {solver: float(row[solver].lstrip("> ")) for solver in SOLVERS}
-        assert 0.0 < times[row["first"]] == min(times.values())  # two can be equal to three digits
-
-
-def test_the_warm_start_is_nearer_to_the_solution_of_a_settled_crowd(crowds):
-    problem = contact_problem(crowds["settled"], LAWS[0])
-    first = {}
-    for is_warm in (False, True):
-        problem.start(is_warm)
-        _, first[is_warm] = problem.solve("gauss_seidel", 0.0, 1)
-    assert first[True] < 0.5 * first[False]
-
-
 def test_the_contact_problem_is_the_one_that_the_model_solved(crowds):
     """The percussions that the model left in its contacts satisfy the problem's law to the model's tolerance."""
     problem = contact_problem(crowds["settled"], LAWS[0])
@@ -172,40 +136,12 @@ def test_the_contact_problem_is_the_one_that_the_model_solved(crowds):
     assert found <= 1.001 * LAWS[0].make().values()["velocity_tolerance"]
 
 
-def test_measured_solves_reach_their_tolerance_and_stop_where_they_do_not(crowds):
-    problem = contact_problem(crowds["settled"], LAWS[1])
-    truth = np.zeros_like(problem.free)
-    rows = list(measure(problem, truth, "accelerated_sweeps", False, 0.05))
-    assert all(row["residual"] <= row["tolerance"] for row in rows[:-1])
-    assert [row["tolerance"] for row in rows] == list(TOLERANCES[: len(rows)])
-    slow = list(measure(problem, truth, "uzawa", False, 0.0))
-    assert slow[-1]["residual"] > slow[-1]["tolerance"]
-
-
-def test_times_to_a_goal_count_only_what_reached_it():
-    head = {"people": 10, "crowd": "settled", "law": "NSM1", "start": "cold"}
-    rows = [
-        head | {"solver": "accelerated_sweeps", "residual": 5e-7, "time [s]": 0.01},
-        head | {"solver": "uzawa", "residual": 5e-4, "time [s]": 0.5},
-    ]
-    assert time_to(rows, 1e-6, solver="accelerated_sweeps") == 0.01
-    assert time_to(rows, 1e-6, solver="uzawa") is None
-
-
 def test_the_error_is_compared_with_the_residual_where_the_reference_can_tell():
     row = {"people": 10, "crowd": "settled", "law": "NSM1", "solver": "uzawa", "start": "cold"}
     rows = [row | {"residual": 1e-4, "error": 3e-4}, row | {"residual": 1e-5, "error": 2e-4}]
     rows.append(row | {"residual": 1e-12, "error": 5e-11})
     (found,) = factor_rows(rows, {"NSM1": 0.01})
     assert (found["solves"], found["least"], found["greatest"]) == pytest.approx((2, 3.0, 20.0))
-
-
-@pytest.mark.parametrize("problem", PROBLEMS, ids=lambda problem: problem.name)
-def test_every_problem_can_be_walked(problem):
-    before = problem.scene(0.0).crowd.position
-    after, _ = walked(problem, plugins().get("contact_model", "nsm1")(), 0.0, 0.05, "exponential")
-    assert np.isfinite(after).all()
-    assert np.abs(after - before).max() > 1e-3
 
 
 @pytest.mark.parametrize("problem", [p for p in PROBLEMS if p.exact], ids=lambda problem: problem.name)
@@ -219,52 +155,6 @@ def test_exact_solutions_are_what_small_steps_tend_to(problem, variant):
         errors.append(float(np.abs(found - problem.exact(plugin, parameters, 0.0)).max()))
     assert errors[1] < 2e-3
     assert errors[1] < max(0.9 * errors[0], 1e-9)
-
-
-def test_places_of_starts_fall_everywhere_in_a_step_whatever_the_step():
-    """Not all into the same part of it, as places at whole parts of a distance do."""
-    shifts = np.array(shifts_of(PHASES[1]))
-    assert 0.0 <= shifts.min() < shifts.max() <= SPREAD
-    for k in range(7):
-        path = SPEED * LARGEST / 2**k
-        filled, _ = np.histogram(shifts % path / path, bins=8, range=(0.0, 1.0))
-        assert filled.min() > 0
-
-
-def test_order_of_a_power_law():
-    steps = [0.1, 0.05, 0.025]
-    assert order_of(steps, [3.0 * h**2 for h in steps]) == pytest.approx(2.0)
-
-
-def projection(step, discs, contacts, desired):
-    """Solve what cromosim solves: contacts i, j, distance, unit vector from i to j (j = -1: from the wall to i)."""
-    rows = np.zeros((len(contacts), 2 * len(discs)))
-    for row, (i, j, _, ex, ey) in zip(rows, contacts, strict=True):
-        sign = -1.0 if j >= 0 else 1.0
-        row[2 * int(i) : 2 * int(i) + 2] = sign * ex, sign * ey
-        if j >= 0:
-            row[2 * int(j) : 2 * int(j) + 2] = ex, ey
-    mass, slack = np.ones(rows.shape[1]), contacts[:, 2] / step
-    found = solve_contact_qp(
-        ContactLaw(sparse.csr_matrix(rows), mass, desired.ravel(), slack, np.zeros(len(slack)), 0.0)
-    )
-    return 1, None, found.reshape(-1, 2), None, None
-
-
-@pytest.mark.parametrize("law", [INERTIAL, OVERDAMPED], ids=lambda law: law.variant)
-def test_both_solve_the_same_problem(monkeypatch, law):
-    pytest.importorskip("clarabel")
-    package = ModuleType("cromosim")
-    package.micro = SimpleNamespace(projection=projection)
-    monkeypatch.setitem(sys.modules, "cromosim", package)
-    crowd = snapshots(60, 1)["settled"]
-    crowd.crowd.mass[:] = 80.0
-    problem = contact_problem(crowd, law)
-    row = compare(problem)
-    assert row["contacts"] == problem.size > 60
-    assert row["error [mm]"] < 1e-5
-    assert max(row["cold: error [mm]"], row["warm: error [mm]"]) < 10.0
-    assert np.abs(problem.velocity - problem.free).max() > 0.01
 
 
 def test_sweeping_from_a_line_over_a_seam_of_slowness_is_exact():
@@ -306,18 +196,6 @@ def test_ways_in_the_middle_go_straight_and_beside_a_wall_lead_away_from_it_as_r
     across = np.sqrt(1.0 - 1.0 / slowness**2)
     exact = np.array([[1.0, 0.0], [1.0 / slowness, across], [1.0 / slowness, -across]])
     assert angles_between(ways.direction, exact) == pytest.approx(0.0, abs=2.0)
-
-
-@pytest.mark.slow
-def test_ways_over_a_stair_without_walls_near_tend_to_those_of_refraction():
-    plan = stair(200, np.random.default_rng(0))
-    far = plan.wall_distance > 0.4
-    assert far.sum() > 20
-    coarse, fine = (
-        angles_between(clean_ways(plan.building, plan.points, 0.02, spacing).direction, plan.direction)[far].mean()
-        for spacing in (0.02, 0.01)
-    )
-    assert fine < 0.75 * coarse < 1.0
 
 
 def test_places_where_two_ways_meet_are_known():

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evac.base.errors import RunWarning
 from evac.cli import main
 from evac.evidence import KINDS
 from evac.evidence.command import COMMITTED, run_evidence, shown_in_reports, write_index
@@ -21,15 +20,6 @@ def figure_of(number):
     figure, axis = new_figure()
     axis.plot([1, 2], [3, number])
     return figure
-
-
-def test_generators_depend_on_kind_seed_and_name_alone(tmp_path):
-    draws = {
-        (kind, seed, name): Evidence(kind, tmp_path, seed=seed).generator(name).random()
-        for kind, seed, name in (("lean", 1, "a"), ("lean", 1, "b"), ("lean", 2, "a"), ("table3", 1, "a"))
-    }
-    assert len(set(draws.values())) == len(draws)
-    assert Evidence("lean", tmp_path, quick=True, seed=1).generator("a").random() == draws["lean", 1, "a"]
 
 
 def measured_rows(evidence, *values):
@@ -84,18 +74,6 @@ def test_command_computes_the_kind_asked_for_and_prints_its_page(tmp_path, monke
     assert capsys.readouterr().out.strip() == str(page)
     assert "Quick: True." in page.read_text()
     assert "evac evidence lean --quick" in (tmp_path / "README.md").read_text()
-
-
-@pytest.mark.parametrize("quick", [True, False])
-def test_pages_say_what_came_of_runs_and_runs_do_not_warn(quick, tmp_path, monkeypatch):
-    """In this process as in others."""
-
-    def compute(evidence):
-        filters = evidence.map(eval, [("__import__('warnings').filters[0][:3:2]",)])
-        assert filters == [("ignore", RunWarning)]
-
-    monkeypatch.setattr("evac.evidence.lean.page.run", compute)
-    run_evidence("lean", tmp_path, quick)
 
 
 def test_installed_verdicts_equal_the_committed_ones():

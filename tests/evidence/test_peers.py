@@ -1,6 +1,5 @@
 """The comparison with other programs, with stand-ins for them where what they are given is tested."""
 
-import math
 import sys
 from types import SimpleNamespace
 from typing import ClassVar
@@ -64,57 +63,6 @@ def test_jupedsim_is_given_the_hall_and_its_people(monkeypatch, model):
         assert min(apart) == apart[agent.stage_id] == 0.0
 
 
-class RvoStandIn:
-    """A simulator in which everybody moves with the preferred velocity."""
-
-    def __init__(self, step, *defaults):
-        self.step, self.agents, self.walls, self.is_processed = step, [], [], False
-
-    def add_agent(self, place, *parameters):
-        self.agents.append(SimpleNamespace(place=np.array(place), velocity=np.zeros(2), parameters=parameters))
-
-    def add_obstacle(self, vertices):
-        self.walls.append(vertices)
-
-    def process_obstacles(self):
-        self.is_processed = True
-
-    def get_num_agents(self):
-        return len(self.agents)
-
-    def get_agent_position(self, person):
-        return SimpleNamespace(**dict(zip("xy", self.agents[person].place, strict=True)))
-
-    def set_agent_pref_velocity(self, person, velocity):
-        self.agents[person].velocity = np.array(velocity)
-
-    def do_step(self):
-        for agent in self.agents:
-            agent.place = agent.place + self.step * agent.velocity
-
-
-def test_orca_prefers_the_nearest_door_at_the_desired_speed(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyrvo", SimpleNamespace(RVOSimulator=RvoStandIn))
-    hall = make_hall(120, 0.5, 1)
-    walk = OrcaWalk(hall, 0.5 * TICK)
-    assert walk.simulator.is_processed
-    np.testing.assert_array_equal(np.reshape(walk.simulator.walls, (-1, 4)), hall.building.walls)
-    np.testing.assert_array_equal([agent.parameters[4] for agent in walk.simulator.agents], hall.crowd.radius)
-    np.testing.assert_array_equal(walk.positions(), hall.crowd.position)
-    walk.advance()
-    speed = [np.hypot(*agent.velocity) for agent in walk.simulator.agents]
-    np.testing.assert_allclose(speed, hall.crowd.speed[:, 0])
-    for _ in range(round(1.5 * math.hypot(hall.depth, hall.length) / hall.crowd.speed.min() / TICK)):
-        walk.advance()
-    x, y = walk.positions().T
-    assert (x > hall.depth).all()
-    low, high = doors_along(hall.length)
-    assert len(low) == 2
-    door = np.abs(0.5 * (low + high) - hall.crowd.position[:, 1, None]).argmin(axis=1)
-    assert (y >= low[door] + hall.crowd.radius - 1e-9).all()
-    assert (y <= high[door] - hall.crowd.radius + 1e-9).all()
-
-
 def test_orca_keeps_people_apart_and_within_the_walls():
     pytest.importorskip("pyrvo")
     hall = make_hall(100, 2.0, 1)
@@ -135,23 +83,6 @@ def test_orca_keeps_people_apart_and_within_the_walls():
 def overlaps(places, radius):
     apart = np.linalg.norm(places[:, None] - places[None], axis=2) - radius[:, None] - radius[None]
     return -apart[np.triu_indices(len(radius), 1)]
-
-
-@pytest.mark.parametrize("is_inertial", [False, True])
-def test_people_of_cromosim_take_up_their_desired_velocities(is_inertial):
-    pytest.importorskip("cromosim")
-    pytest.importorskip("cvxopt")
-    hall = make_hall(60, 1.0, 1)
-    crowd = hall.crowd
-    walk = CromosimWalk(hall, STEP, is_inertial)
-    np.testing.assert_allclose(walk.positions(), crowd.position)
-    assert walk.advance() > 0.0
-    times = STEP * np.arange(1, round(TICK / STEP) + 1)
-    reached = 1.0 - np.exp(-times / crowd.tau[:, None]) if is_inertial else np.ones((60, len(times)))
-    expected = STEP * crowd.speed[:, 0] * reached.sum(axis=1)
-    assert walk.inside == 60
-    moved = np.linalg.norm(walk.positions() - crowd.position, axis=1)
-    assert np.isclose(moved, expected, rtol=0.02).mean() > 0.7  # the others are in contact
 
 
 def test_people_of_cromosim_do_not_overlap_and_leave_by_the_door():

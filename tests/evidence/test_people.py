@@ -5,7 +5,7 @@ import pytest
 
 from evac.evidence.people import measures
 from evac.evidence.people.measures import Line, Track
-from evac.evidence.people.runs import LEFT, Job, run_job
+from evac.evidence.people.runs import LEFT
 from evac.evidence.people.values import Value, by_seed
 
 TICK = 0.1
@@ -126,10 +126,3 @@ def test_values_of_several_scenes_are_weighted_by_their_moments():
         run_row(3, None, 4, scene="a", speed=None, moments=None),
     ]
     assert by_seed(value, rows) == pytest.approx([1.25, 3.0])
-
-
-def test_a_run_is_what_its_seed_makes_it_and_ends_when_all_are_through():
-    one, again, other = (run_job(Job("door 1.2 m", "paper", "NSM2", seed)) for seed in (3, 3, 4))
-    flow = "flow per metre [1/s/m]"
-    assert one[flow] == again[flow] != other[flow]
-    assert one[LEFT] == 0

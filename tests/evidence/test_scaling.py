@@ -7,17 +7,11 @@ import pytest
 
 from evac import Simulation, load
 from evac.evidence.scaling import commands
-from evac.evidence.scaling.halls import DENSITY, DOOR, RADIUS, doors_along, hall_case, make_hall, nearest_door
+from evac.evidence.scaling.halls import DOOR, RADIUS, doors_along, make_hall, nearest_door
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
 from evac.evidence.scaling.page import STEP
 from evac.evidence.scaling.walks import JAMMED, LONGEST, SETTLING, TICK, Walk, make_variant
 from evac.physics.state import SKIN, copy_of
-
-
-def walked(people, density, name, ticks):
-    walk = Walk(make_hall(people, density, 1), STEP)
-    walk.advance(make_variant(name, STEP).model, ticks)
-    return walk
 
 
 def gaps(crowd):
@@ -39,14 +33,6 @@ def test_hall_holds_its_people_without_overlap(people, density):
     assert np.isfinite(hall.fields.travel_time_at(0, crowd.position, 0)).all()
 
 
-def test_density_is_reached_as_halls_grow():
-    for density in (2.0, 5.0):
-        halls = {people: make_hall(people, density, 1) for people in (20, 200, 2000)}
-        shares = [people / (hall.depth * hall.length) / density for people, hall in halls.items()]
-        assert shares == sorted(shares)
-        assert 0.94 < shares[-1] <= 1.0
-
-
 def test_walls_and_doors_close_the_hall():
     hall = make_hall(2000, 2.0, seed=1)
     walls = sum(math.dist(wall[:2], wall[2:]) for wall in hall.building.walls)
@@ -65,21 +51,6 @@ def test_the_nearest_door_is_that_whose_middle_is_nearest_along_the_wall():
     assert nearest_door(40.0, places).tolist() == [0, 0, 1, 2, 2, 3]
 
 
-def test_same_seed_gives_the_same_hall():
-    one, two, other = make_hall(50, 2.0, 1), make_hall(50, 2.0, 1), make_hall(50, 2.0, 2)
-    assert np.array_equal(one.crowd.position, two.crowd.position)
-    assert not np.array_equal(one.crowd.position, other.crowd.position)
-
-
-def test_walking_is_the_same_walk_every_time():
-    hall = make_hall(100, 5.0, 1)
-    ends = [walked(100, 5.0, "NSM2", ticks=3) for _ in range(2)]
-    assert np.array_equal(ends[0].crowd.position, ends[1].crowd.position)
-    assert not np.array_equal(ends[0].crowd.position, hall.crowd.position)
-    assert np.abs(ends[0].crowd.position - hall.crowd.position).max() < 2.5 * ends[0].time
-    assert ends[0].time == pytest.approx(3 * TICK)
-
-
 def test_a_jam_is_a_crowd_that_has_come_to_a_crawl():
     walk = Walk(make_hall(200, 5.0, 1), STEP)
     assert walk.pace == 0.0
@@ -92,15 +63,6 @@ def test_a_jam_is_a_crowd_that_has_come_to_a_crawl():
     assert jam.pace < walk.pace
     # Walked to the jam roughly, settled and timed as shipped.
     assert variant.rough.gap_tolerance > variant.model.gap_tolerance
-
-
-def test_a_crowd_that_walks_out_or_keeps_walking_is_no_jam(monkeypatch):
-    variant = make_variant("DEM", STEP)
-    assert Walk(make_hall(20, 2.0, 1), STEP).into_a_jam(variant) == "50 % are out"
-    monkeypatch.setattr("evac.evidence.scaling.walks.LONGEST", 0.5)
-    crowd = Walk(make_hall(500, 5.0, 1), STEP)
-    assert crowd.into_a_jam(variant) == "longest time"
-    assert crowd.time == pytest.approx(0.5 + SETTLING * TICK)
 
 
 def in_the_middle(hall, reach):
@@ -147,17 +109,6 @@ def test_the_lists_of_the_minimal_kernel_have_each_pair_once():
     assert {tuple(sorted(pair)) for pair in found} == expected
 
 
-def test_a_case_of_a_hall_has_the_doors_and_the_density_of_a_hall():
-    content = hall_case(2000)
-    plan, (group,) = content["building"]["plan"], content["people"]
-    side = plan["storeys"][0]["polygons"][0][2][0]
-    assert group["number"] / side**2 == pytest.approx(DENSITY)
-    doors = [exit_["segment"] for exit_ in plan["exits"]]
-    assert len(doors) == round(side / 10.0) == 3
-    assert {one[0] for door in doors for one in door} == {side}
-    assert [math.dist(*door) for door in doors] == pytest.approx([DOOR] * 3)
-
-
 def test_towers_of_whole_commands_are_without_findings_and_everybody_gets_out():
     simulation = Simulation(load(commands.tower_case(3, 30, {"walking": {}})))
     building = simulation.building
@@ -175,12 +126,3 @@ def test_whole_commands_of_each_kind_are_timed_with_their_growth():
     grown = [row for row in rows if row["growth"] is not None]
     sizes = "3 storeys", "3 storeys", "3 exits", "3 routes", "3 classes", "16 people", "16 people", "3 runs", "8 rooms"
     assert [row["size"] for row in grown] == [*sizes]
-
-
-@pytest.mark.slow
-def test_towers_have_as_many_exits_routes_and_classes_as_is_wanted():
-    case = load(commands.tower_case(3, 30, {}, exits=4, routes=3, classes=3))
-    simulation = Simulation(case)
-    assert len(simulation.building.exits) == 4
-    assert len(simulation.fields.routes) == 3
-    assert simulation.fields.packed.width == pytest.approx([0.42, 0.44], abs=1e-3)

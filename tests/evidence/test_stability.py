@@ -5,11 +5,9 @@ import pytest
 
 from evac.evidence import scenes
 from evac.evidence.scenes import Scene
-from evac.evidence.stability.crowds import restitution
 from evac.evidence.stability.dem import GROWTH, NUDGE, crowd_in_corridor, nudged, settled, try_step
 from evac.evidence.stability.theory import (
     greatest_frequency,
-    lag_limit,
     spring_forces,
     step_limit,
     uncut_speed,
@@ -17,10 +15,7 @@ from evac.evidence.stability.theory import (
 )
 from evac.evidence.stability.trials import (
     HANDLED,
-    REFUSED,
     attempt,
-    deepest_overlap,
-    judge,
     make_model,
 )
 from evac.physics.scenes import one_direction, room
@@ -92,19 +87,6 @@ def test_spring_forces_hold_what_drives_a_crowd_at_rest():
     np.testing.assert_allclose(plain[:, 1], 0.0, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("dissipation", "expected"), [(0.0, 0.0), (160.0, 0.0), (1e5, (5e4 - 80) / (5e4 + 80)), (np.inf, 1.0)]
-)
-def test_restitution(dissipation, expected):
-    assert restitution(dissipation, 80.0) == pytest.approx(expected)
-
-
-def test_deepest_overlap_of_bodies_and_walls():
-    scene = room_with([(3.0, 2.0), (3.3, 2.0), (7.95, 2.0)])
-    assert deepest_overlap(scene, scene.crowd.position) == pytest.approx(0.15)
-    assert deepest_overlap(scene, scene.crowd.position[:2]) == pytest.approx(0.1)
-
-
 @pytest.mark.parametrize("explicit", [True, False])
 @pytest.mark.parametrize(("variant", "midpoint"), [("NSM1 inertial", False), ("NSM2 K_N = 1e5", True)])
 def test_theory_of_a_free_walk_is_what_the_engine_makes(variant, midpoint, explicit):
@@ -113,33 +95,3 @@ def test_theory_of_a_free_walk_is_what_the_engine_makes(variant, midpoint, expli
     exact = 1.0 + 1.5 * (trial.time + 0.1 * np.expm1(-trial.time / 0.1))
     lag = np.abs(trial.position[:, 0, 0] - exact).max()
     assert lag == pytest.approx(1.5 * walk_lag(0.1, 0.05, 4.0, explicit, midpoint), rel=1e-9)
-
-
-@pytest.mark.parametrize("midpoint", [True, False])
-def test_lag_limit_is_where_the_lag_is(midpoint):
-    limit = lag_limit(0.005, 0.1, 5.0, False, midpoint)
-    assert walk_lag(0.1, limit, 5.0, False, midpoint) == pytest.approx(0.005, rel=0.05)  # whole steps only
-    assert np.isnan(lag_limit(0.005, 1e-4, 5.0, False, False))  # h may be what it likes: people stand or walk
-
-
-def test_centre_beyond_a_wall_is_seen():
-    scene = room_with([(3.0, 2.0), (8.5, 2.0)])
-    trial = attempt(make_model("DEM"), scene, 0.01, 0.1)
-    assert trial.outside == 1
-
-
-def test_step_beyond_the_limit_is_refused_with_the_limit():
-    scene = room_with([(3.0, 2.0)], speed=1.0, tau=0.05)
-    trial = attempt(make_model("DEM"), scene, 0.1, 1.0, explicit=True)
-    verdict = judge(trial, lambda _: 0.0, 1.0, 1.0, "m")
-    assert verdict.kind == REFUSED
-    assert "simulation.step" in verdict.words
-
-
-def test_scattered_bodies_do_not_overlap_and_a_full_room_is_refused():
-    generator = np.random.default_rng(1)
-    places = scenes.scattered(20, ROOM, 0.25, generator)
-    away = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
-    assert away[np.triu_indices(20, 1)].min() > 0.5
-    with pytest.raises(ValueError, match="body"):
-        scenes.scattered(20, (0.0, 0.0, 1.0, 1.0), 0.25, generator)

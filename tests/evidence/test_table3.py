@@ -3,14 +3,10 @@
 import numpy as np
 import pytest
 
-from evac.case.loading import load_case
 from evac.evidence.evidence import Evidence
-from evac.evidence.scenes import MODELS, model_overrides
-from evac.evidence.square_room import GAP, change, crowd_at, flow, run_set, start_positions
+from evac.evidence.square_room import GAP, change, crowd_at, flow, start_positions
 from evac.evidence.table3.classroom import median_last
 from evac.evidence.table3.figures import draw_figure_2, draw_figure_3
-from evac.evidence.table3.school import curve, longest_pause
-from evac.simulation.simulation import Simulation
 
 
 def generator():
@@ -40,13 +36,6 @@ def test_interval_holds_the_flow_and_vanishes_where_all_sets_are_alike():
     for estimate in (mixed.pooled, mixed.mean):
         assert estimate.low < estimate.value < estimate.high
         assert (estimate.low, estimate.high) == pytest.approx((180.0 / 1.1, 200.0), rel=1e-3)
-
-
-def test_pooling_runs_that_start_at_different_times_makes_the_line_flatter():
-    even = np.tile(np.arange(1, 21) / 3.0, (4, 1))
-    found = flow([even, even + 2.0, even + 4.0], generator())
-    assert found.mean.value == pytest.approx(180.0)
-    assert found.pooled.value < 160.0
 
 
 def test_change_is_paired_on_the_runs_that_both_steps_have():
@@ -88,17 +77,6 @@ def test_positions_belong_to_the_set_and_parameters_to_the_run():
     assert apart.min() >= 0.5  # nobody overlaps, whatever radius up to 0.25 m a run draws
 
 
-def test_a_set_gives_the_same_times_again_and_does_not_depend_on_the_number_of_runs():
-    found, again = (run_set(seed=3, position_set=2, runs=2, step=0.01) for _ in range(2))
-    more = run_set(seed=3, position_set=2, runs=3, step=0.01)
-    assert list(found) == list(MODELS)
-    for name, times in found.items():
-        assert times.shape == (2, 20)
-        assert np.array_equal(times, again[name], equal_nan=True)
-        assert np.array_equal(times, more[name][:2], equal_nan=True)
-        assert not np.array_equal(found["DEM"], found["NSM2"])
-
-
 def test_figures_2_and_3_hold_the_values_of_the_paper(tmp_path):
     evidence = Evidence("table3", tmp_path)
     draw_figure_2(evidence)
@@ -118,27 +96,7 @@ def test_figures_2_and_3_hold_the_values_of_the_paper(tmp_path):
     assert (np.diff(back) > 0.0).all()  # sooner for smaller tau
 
 
-def test_exit_times_are_those_of_consecutive_seeds(tmp_path):
-    case = load_case("classroom", model_overrides("DEM"))
-    times = Evidence("table3", tmp_path, quick=True).exit_times(case, 2)
-    alone = Simulation(case.change({"simulation.seed": 2})).run()
-    assert times.shape == (2, 30)
-    assert np.array_equal(times[1], alone.crowd.exit_time, equal_nan=True)
-
-
 def test_a_blocked_run_is_endless_in_the_median():
     out, blocked = np.array([1.0, 4.0]), np.array([1.0, np.nan])
     assert median_last(np.array([out, out, blocked])) == 4.0
     assert median_last(np.array([out, blocked, blocked])) == np.inf
-
-
-def test_curve_counts_who_is_out():
-    times = np.array([[1.0, 2.0, np.nan], [0.5, 0.5, 3.0]])
-    assert curve(times, np.array([0.0, 0.5, 2.0, 9.0])).tolist() == [[0, 0, 2, 2], [0, 2, 2, 3]]
-
-
-def test_longest_pause_leaves_out_both_ends():
-    times = np.arange(20.0)[None].copy()
-    times[0, 10:] += 4.0
-    times[0, -1] += 100.0
-    assert longest_pause(times).tolist() == [5.0]

@@ -1,7 +1,6 @@
 """Files become cases that run, with a report of everything assumed; folders that are not ours are left alone."""
 
 import json
-import time
 import tomllib
 from dataclasses import replace
 
@@ -112,18 +111,6 @@ def test_ways_through_outer_walls_are_the_first_openings():
     first, second, *_ = find_openings(plan.building(need_exit=False), ())
     assert np.allclose(np.sort(first.segment), [-0.3, -0.3, 4.0, 5.0])
     assert second.width == pytest.approx(9.0)
-
-
-@pytest.mark.slow
-def test_twice_as_many_rooms_take_little_more_than_twice_the_time(tmp_path):
-    times = []
-    for many in (20, 40, 80):
-        cells = [shapely.box(3 * x, 3 * y, 3 * x + 2.9, 3 * y + 2.9) for x in range(20) for y in range(many)]
-        (tmp_path / "rooms.wkt").write_text(shapely.to_wkt(shapely.multipolygons(cells)), encoding="utf-8")
-        begin = time.process_time()
-        import_building([tmp_path / "rooms.wkt"], tmp_path / "case")
-        times.append(time.process_time() - begin)
-    assert times[2] <= 2.3 * times[1]
 
 
 def test_everything_in_a_file_is_kept(house, tmp_path):

@@ -4,13 +4,10 @@ from tests.importing.strangers import drawings, maps, solids
 
 #: What writes a file of each format: of a seed and a folder, a `Stranger`.
 FORMATS = {
-    "geojson": maps.plan,
-    "osmjson": maps.osm_geojson,
     "osm": maps.osm,
     "imdf": maps.imdf,
     "fds": solids.fds,
     "dxf": drawings.dxf,
     "ifc": solids.ifc,
     "obj": solids.obj,
-    "stl": solids.stl,
 }

@@ -9,7 +9,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import shapely
-from shapely import LineString, MultiPolygon, Point, Polygon, box
+from shapely import LineString, Point, Polygon, box
 from shapely.geometry import mapping
 
 from tests.importing.strangers.judge import Stranger
@@ -57,48 +57,6 @@ def _onto(door, shapes):
     """Return a door on the outline of the room that is nearest."""
     outline = min((shape.exterior for shape in shapes), key=lambda ring: ring.distance(door.segment.centroid))
     return LineString([outline.interpolate(outline.project(Point(p))) for p in door.segment.coords])
-
-
-def plan(seed, folder):
-    """GeoJSON in the properties of the documentation, which tell no stairs: each storey has exits."""
-    rng = random.Random(seed)
-    truth = building(seed, stairs=False, lifts=False)
-    unit = rng.choice([1.0, 0.001, 0.01, 0.3048])
-    features = []
-    style = {"stroke": "#555555", "fill": "#aabbcc", "fill-opacity": 0.4} if rng.random() < 0.4 else {}
-    for storey in truth.storeys:
-        where = {rng.choice(["storey", "level"]): storey.name, "z": storey.z}
-        whole = rng.random() < 0.5
-        floors = [MultiPolygon([r.polygon for r in storey.rooms])] if whole else [r.polygon for r in storey.rooms]
-        floors = [one if whole else _doubled(one, rng) for one in floors]
-        features += [_feature(truth.placed(one), {"kind": "storey", **where, **style}) for one in floors]
-        for room in storey.rooms:
-            if room.use == "office":
-                features.append(_feature(truth.placed(room.polygon), {"kind": "area", "name": room.name, **where}))
-                x, y = room.polygon.bounds[0] + 1.5, room.polygon.bounds[1] + 1.5
-                if rng.random() < 0.2:
-                    table = {"kind": "obstacle", "name": "table", **where}
-                    features.append(_feature(truth.placed(box(x, y, x + 0.5, y + 0.4)), table))
-        for door in storey.doors:
-            shape = door.segment
-            if rng.random() < 0.3:
-                shape = shape.segmentize(0.3)
-            kind = {"kind": door.kind, "name": door.name}
-            if door.kind == "exit" and rng.random() < 0.4:
-                shape = shape.buffer(door.wall.thickness / 2, cap_style="flat")
-            features.append(_feature(truth.placed(shape), {**kind, **where, **style}))
-    rng.shuffle(features)
-    scaled = [{**f, "geometry": _scaled(f["geometry"], 1 / unit)} for f in features]
-    if rng.random() < 0.5:
-        scaled = [{**f, "id": str(i)} for i, f in enumerate(scaled)]
-    top = {"type": "FeatureCollection", "name": "plan", "features": scaled}
-    path = folder / f"plan_{seed}.geojson"
-    path.write_text(json.dumps(top), encoding="utf-8")
-    return Stranger(truth, [path], options={} if unit == 1.0 else {"unit": unit})
-
-
-def _scaled(geometry, factor):
-    return mapping(shapely.transform(shapely.geometry.shape(geometry), lambda p: p * factor))
 
 
 def _elements(truth, rng):
@@ -160,26 +118,6 @@ def _elements(truth, rng):
         (Point(lines[0].polygon.centroid), {"emergency": "fire_extinguisher", "level": "0"}),
     ]
     return found + [one for one in outside if rng.random() < 0.6], loose, apart
-
-
-def osm_geojson(seed, folder):
-    """An indoor map of OpenStreetMap as the usual converters write it: flat tags, or tags within the properties."""
-    rng = random.Random(seed)
-    truth = building(seed)
-    elements, loose, _ = _elements(truth, rng)
-    nested, features = rng.random() < 0.3, []
-    for number, (shape, tags) in enumerate(elements, start=100):
-        shape = _degrees(truth.placed(_doubled(shape, rng)))
-        kind = "node" if isinstance(shape, Point) else "way"
-        meta = {"version": 2, "user": "mapper", "timestamp": "2020-01-01T00:00:00Z"}
-        flat = {"@id": f"{kind}/{number}", **tags}
-        properties = {"type": kind, "id": number, "tags": tags, "relations": [], "meta": meta} if nested else flat
-        features.append(_feature(shape, properties, id=f"{kind}/{number}"))
-    _from_origin(truth, shapely.total_bounds([shapely.geometry.shape(f["geometry"]) for f in features])[:2])
-    top = {"type": "FeatureCollection", "generator": "overpass-ide", "copyright": "ODbL", "features": features}
-    path = folder / f"osm_{seed}.geojson"
-    path.write_text(json.dumps(top, ensure_ascii=False), encoding="utf-8")
-    return Stranger(truth, [path], loose, heights=False)
 
 
 def osm(seed, folder):

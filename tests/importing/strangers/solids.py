@@ -2,7 +2,6 @@
 
 import math
 import random
-import struct
 
 import numpy as np
 import shapely
@@ -59,12 +58,10 @@ def _bodies(truth, rng):
     return found
 
 
-def _mesh(seed, folder, units, far=True):
+def _mesh(seed, units):
     """Return a truth, the triangles of each body in the coordinates of the file, and the option for y upwards."""
     rng = random.Random(seed)
     truth = building(seed, lifts=seed % 3 == 0)
-    if not far:
-        truth.moved = (truth.moved[0] / 8, truth.moved[1] / 8)
     unit, y_up = rng.choice(units), rng.random() < 0.5
     bodies = []
     for name, shape, low, high in _bodies(truth, rng):
@@ -79,7 +76,7 @@ def _mesh(seed, folder, units, far=True):
 
 def obj(seed, folder):
     """OBJ as modellers write it: an object for each body, normals and texture coordinates, vertices of its own."""
-    rng, truth, bodies, options = _mesh(seed, folder, [1.0, 0.001, 0.01, 0.3048, 0.0254])
+    rng, truth, bodies, options = _mesh(seed, [1.0, 0.001, 0.01, 0.3048, 0.0254])
     lines = ["# Exported", "mtllib house.mtl", "vt 0 0", "vn 0 0 1"]
     count, word = 0, rng.choice(["o", "g"])
     for name, triangles in bodies:
@@ -90,24 +87,6 @@ def obj(seed, folder):
             count += 3
     path = folder / f"house_{seed}.obj"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return Stranger(truth, [path], exits=False, options=options)
-
-
-def stl(seed, folder):
-    """STL, text or binary, whose single precision allows no coordinates far away."""
-    rng, truth, bodies, options = _mesh(seed, folder, [1.0, 0.001, 0.01, 0.3048], far=False)
-    triangles = np.concatenate([points for _, points in bodies])
-    path = folder / f"house_{seed}.stl"
-    if rng.random() < 0.5:
-        row = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("more", "<u2")])
-        data = np.zeros(len(triangles), row)
-        data["points"] = triangles
-        path.write_bytes(b"made by a modeller".ljust(80) + struct.pack("<I", len(data)) + data.tobytes())
-    else:
-        facet = "  facet normal 0 0 0\n    outer loop\n{}    endloop\n  endfacet\n"
-        corner = "      vertex {:.6e} {:.6e} {:.6e}\n"
-        text = "".join(facet.format("".join(corner.format(*p) for p in points)) for points in triangles)
-        path.write_text(f"solid house\n{text}endsolid house\n", encoding="ascii")
     return Stranger(truth, [path], exits=False, options=options)
 
 
