@@ -80,6 +80,14 @@ def pytest_collection():
         gc.freeze()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def unsynced():
+    """Leave files in memory: no test survives the end of its machine, and those of the calls replace them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("os.fsync", lambda descriptor: None)
+        yield
+
+
 @pytest.fixture
 def unpictured(monkeypatch):
     """Leave the pictures of imported levels empty, where nobody looks at them."""

@@ -1,8 +1,8 @@
 """The scripts of docs/examples and the two notebooks of the page on embedding run, each of at most 60 lines."""
 
 import json
+import os
 import runpy
-import subprocess
 import sys
 import threading
 import time
@@ -63,10 +63,10 @@ def test_the_service_runs_cases_and_tells_about_them(run):
         server.server_close()
 
 
-def test_the_design_passes_as_a_test(tmp_path):
-    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", EXAMPLES / "test_design.py"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert "5 passed" in done.stdout, done.stdout
+def test_the_design_passes_as_a_test(capsys):
+    bare = ["-c", os.devnull, "-p", "no:xdist", "-p", "no:cacheprovider", "--import-mode=importlib"]
+    assert pytest.main(["-q", *bare, str(EXAMPLES / "test_design.py")]) == 0
+    assert "5 passed" in capsys.readouterr().out
 
 
 def test_tables_are_asked_in_sql(run, capsys):
@@ -75,14 +75,6 @@ def test_tables_are_asked_in_sql(run, capsys):
     results = evac.read_results("result")
     assert names["exits"].fetchall()[0][:2] == ("door", results.evacuated)
     assert names["curve"].fetchall()[0][1] == 30
-
-
-def test_a_study_on_dask_is_one_of_this_process(run):
-    pytest.importorskip("distributed")
-    study = run("cluster.py", False)["main"]()
-    case = evac.load("square_room", {"behaviours.walking": {}, "people.people.number": 5})
-    here = evac.repeat(case, 3, workers=1)
-    assert [row["last_out"] for row in study.rows(0)] == [row["last_out"] for row in here.rows()]
 
 
 def test_the_narrowest_door_is_found(run, capsys):

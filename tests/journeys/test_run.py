@@ -451,6 +451,7 @@ def test_people_who_come_are_drawn_and_counted_from_then_on(browser, tmp_path):
     assert "never" in browser.text("#person-facts").split("Response time")[1].split("\n")[:2]
 
 
+@pytest.mark.parametrize("run", ["arrivals", "fire"], indirect=True, scope="module")
 def test_a_run_that_is_stopped_goes_on_to_the_same_files(run, tmp_path):
     def stop(progress):
         if progress.time >= 0.4 * run.end:
