@@ -36,8 +36,8 @@ from evac.directions.lengths import (
     strips_of,
     take_halos,
 )
+from evac.directions.march import Problem
 from evac.directions.march.marching import march_all, number_of_workers
-from evac.directions.march.solver import Problem
 from evac.directions.raster.grids import OWN, BuildingGrids, Shared, build_grids, count_nodes, lead_through_doors
 from evac.directions.raster.lattice import SLACK, Window, grown, nearest_marked, numbers_between, outward_directions
 from evac.directions.routes import PREFERRED, RELUCTANCE, STRATEGIES, Route

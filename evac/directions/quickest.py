@@ -11,7 +11,7 @@ up to the density of the greatest flow, 1.75 per m2, and above it with that whic
 the sum of Gauss kernels of people, divided by the share of the kernel that lies on the floor, and averaged over time.
 Before exits, portals and doors people are also no faster than these are passed (`Gates`). A level is solved again
 only if the speeds have changed on it, or if its ways lead through a level that is (`routefield.py`), without the rooms
-that no way leads through while nobody is in them (`pockets.py`).
+that no way leads through while nobody is in them (`Pockets` of `routefield.py`).
 """
 
 from typing import Protocol

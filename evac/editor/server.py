@@ -20,8 +20,7 @@ from evac.base.errors import EvacError
 from evac.building.plan.plan import PLAN, Plan
 from evac.building.plan.plantable import plan_of, read_table
 from evac.case.case import Case
-from evac.editor.beginning import begin, new_folder
-from evac.editor.session import ChangedOnDiskError, Session
+from evac.editor.session import ChangedOnDiskError, Session, begin, new_folder
 from evac.replay.writer import PAGE as REPLAY
 
 

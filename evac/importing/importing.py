@@ -23,8 +23,8 @@ from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.plan import Plan
 from evac.building.plan.plantable import plan_of_building, plan_text, table_of
 from evac.building.surface.build import building_of, clean
-from evac.building.surface.meshfile import tagged_surface, write_surface
 from evac.building.surface.resolution import Axis, likely_frame
+from evac.building.surface.surface import tagged_surface, write_surface
 from evac.building.surface.surfacemesh import SurfaceMesh, checked
 from evac.contract.hooks import BASES
 from evac.contract.registry import Registry

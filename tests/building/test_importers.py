@@ -64,29 +64,6 @@ $Elements
 $EndElements
 """
 
-PLY = """ply
-format ascii 1.0
-comment written by hand
-element vertex 4
-property float x
-property float y
-property float z
-property uchar red
-element face 1
-property list uchar int vertex_index
-property float quality
-element edge 1
-property int vertex1
-property int vertex2
-end_header
-0 0 0 255
-4 0 0 255
-4 3 0 255
-0 3 0 255
-4 0 1 2 3 0.5
-0 1
-"""
-
 
 def read_mesh(path):
     """Return the triangles in a file, checked."""
@@ -106,38 +83,6 @@ def test_gmsh_41_with_physical_groups(tmp_path, stair_mesh, assert_same_building
     assert building.stairs == {"main": (1,)}
     assert_same_building(building, read_building(stair_mesh.write_gmsh22(tmp_path / "old.msh")))
     assert_same_building(building, read_building(stair_mesh.write_vtu(tmp_path / "building.vtu")))
-
-
-def test_ply_with_colours_edges_and_vertex_index(tmp_path):
-    path = tmp_path / "hand.ply"
-    path.write_text(PLY)
-    mesh = read_mesh(path)
-    np.testing.assert_array_equal(mesh.points, [[0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 3, 0]])
-    assert len(mesh.triangles) == 2
-
-
-@pytest.mark.parametrize("order", ["<", ">"])
-def test_binary_ply_of_either_byte_order(tmp_path, order):
-    word = {"<": "little", ">": "big"}[order]
-    head = PLY[: PLY.index("end_header")].replace("ascii", f"binary_{word}_endian").replace("property uchar red\n", "")
-    points = np.array([[0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 3, 0]], dtype=f"{order}f4")
-    face = bytes([4]) + np.arange(4, dtype=f"{order}i4").tobytes() + np.array(0.5, dtype=f"{order}f4").tobytes()
-    path = tmp_path / "binary.ply"
-    path.write_bytes(
-        head.encode() + b"end_header\n" + points.tobytes() + face + np.array([0, 1], dtype=f"{order}i4").tobytes()
-    )
-    mesh = read_mesh(path)
-    np.testing.assert_array_equal(mesh.points, points)
-    np.testing.assert_array_equal(np.unique(mesh.triangles), np.arange(4))
-
-
-def test_off_with_colours_comments_and_polygons(tmp_path):
-    path = tmp_path / "a.off"
-    path.write_text("COFF 5 2 0 # counts\n\n0 0 0 1 1 1\n4 0 0 1 1 1\n4 3 0 1 1 1\n0 3 0 1 1 1\n6 1 0 1 1 1\n"
-                    "4 0 1 2 3 255 0 0\n3 1 4 2\n")  # fmt: skip
-    mesh = read_mesh(path)
-    assert len(mesh.points) == 5
-    assert len(mesh.triangles) == 3
 
 
 def test_an_upright_wall_may_zigzag_in_plan(tmp_path):
@@ -198,10 +143,6 @@ def test_gmsh_22_with_negative_groups(tmp_path, stair_mesh):
     [
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\nv 9 9 9\n", "line 4: 'f 0 1 2'"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -4\n", "line 4: 'f -1 -2 -4'"),
-        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n3 0 1 2\n", "more rows"),
-        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n1 1 0\n4 0 1 2\n", "line 6: '4 0 1 2'"),
-        ("a.ply", PLY + "0 1\n", "rows"),
-        ("a.ply", PLY.replace("4 0 1 2 3 0.5", "4 0 1 2.5 3 0.5"), "line 20: .*: 2.5 is not"),
         ("a.obj", "", "the file is empty"),
         ("a.obj", "v 0 0 0\n", "no surface cells"),
         ("a.obj", "v 0 0\n", "line 1"),
@@ -210,16 +151,6 @@ def test_gmsh_22_with_negative_groups(tmp_path, stair_mesh):
         ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2 5\n", "vertex 5, .* 2"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1e300 0\nf 1 2 3\n", r"vertex 3 .* 1e\+11"),
         ("a.obj", "v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", "vertex 2"),
-        ("a.off", "nothing", "OFF"),
-        ("a.off", "OFF\n3 1 0\n0 0 0\n", "fewer rows"),
-        ("a.off", "OFF # corners\n3 1 0\n\n0 0 0\n1 0 0\n1 1 0\n2 0 1\n", "line 7: '2 0 1'"),
-        ("a.off", "OFF 3 1 0\n0 0 0\n1 0\n1 1 0\n3 0 1 2\n", "line 3: '1 0'"),
-        ("a.off", "OFF\n", "vertices and faces"),
-        ("a.ply", "nothing", "PLY"),
-        ("a.ply", PLY[:-10], "line 20: '4 0 1 2'"),
-        ("a.ply", PLY.replace("float x", "float32x x"), "'property float32x x'"),
-        ("a.ply", PLY.replace("float x", "float a"), "x, y, z"),
-        ("a.ply", PLY.replace("vertex_index", "corners"), "vertex_indices"),
         ("a.stl", "nothing", "cannot be read"),
         ("a.vtu", "nothing", "cannot be read"),
         ("a.vtu", "", "the file is empty"),

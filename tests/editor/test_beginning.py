@@ -6,7 +6,7 @@ import evac
 from evac.base.errors import EvacError
 from evac.cli.main import main
 from evac.editor import Session
-from evac.editor.beginning import begin
+from evac.editor.session import begin
 
 WKT = "POLYGON ((0 0, 12 0, 12 8, 0 8, 0 0), (4 3, 5 3, 5 4, 4 4, 4 3))"
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import meshio
 import numpy as np
 import shapely
 
@@ -18,7 +19,7 @@ class RandomMesh:
     cells: list[Corners] = field(default_factory=list)
     #: What each cell belongs to: cells of one part draw the same ground, those of two do not.
     parts: list[str] = field(default_factory=list)
-    #: Coordinates are written as float32, in a binary PLY file, or with so many significant digits.
+    #: Coordinates are written as float32, in a VTU file, or with so many significant digits.
     is_single: bool = False
     digits: int | None = None
 
@@ -52,7 +53,7 @@ class RandomMesh:
         return sum(float(shapely.union_all(plans, grid_size=1e-7).area) for plans in ground.values())
 
     def write(self, folder: Path) -> Path:
-        """Write an OBJ file, or a PLY file of float32; equal corners share a vertex."""
+        """Write an OBJ file, or a VTU file of float32; equal corners share a vertex."""
         points: dict[tuple[float, ...], int] = {}
         faces = [[points.setdefault(tuple(corner), len(points)) for corner in cell.tolist()] for cell in self.written()]
         if not self.is_single:
@@ -61,12 +62,9 @@ class RandomMesh:
             lines += ["f " + " ".join(str(corner + 1) for corner in face) for face in faces]
             path.write_text("\n".join(lines) + "\n")
             return path
-        path = folder / "mesh.ply"
-        head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
-        head += "".join(f"property float {axis}\n" for axis in "xyz")
-        head += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
-        rows = b"".join(bytes([len(face)]) + np.array(face, "<i4").tobytes() for face in faces)
-        path.write_bytes(head.encode() + np.array(list(points), "<f4").tobytes() + rows)
+        path = folder / "mesh.vtu"
+        blocks = [("triangle" if len(face) == 3 else "quad", [face]) for face in faces]
+        meshio.write(path, meshio.Mesh(np.array(list(points), np.float32), blocks))
         return path
 
 

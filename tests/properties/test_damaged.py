@@ -28,9 +28,6 @@ from tests.properties.seeded import CASE, drawn, write_case
 
 OBJECT = """g floor\nv 0.0 0.0 0.0\nv 8.0 0.0 0.0\nv 8.0 6.0 0.0\nv 0.0 6.0 0.0\nv 12.0 0.0 2.0\nv 12.0 6.0 2.0
 v 16.0 0.0 2.0\nv 16.0 6.0 2.0\nf 1 2 3 4\ng stair\nf 2 5 6 3\ng upper\nf 5 7 8 6\n"""
-OFF = "OFF\n5 2 0\n0.0 0.0 0.0\n8.0 0.0 0.0\n8.0 6.0 0.0\n0.0 6.0 0.0\n4.0 9.0 0.0\n4 0 1 2 3\n3 3 2 4\n"
-PLY = """ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 1
-property list uchar int vertex_indices\nend_header\n0.0 0.0 0.0\n8.0 0.0 0.0\n8.0 6.0 0.0\n0.0 6.0 0.0\n4 0 1 2 3\n"""
 WKT = (
     "GEOMETRYCOLLECTION (POLYGON ((0.0 0.0, 8.0 0.0, 8.0 6.0, 0.0 6.0, 0.0 0.0), (1.0 1.0, 2.0 1.0, 2.0 2.0, 1.0 1.0)))"
 )
@@ -82,8 +79,6 @@ def model():
 #: A sound file of each format.
 FILES = {
     "a.obj": lambda: OBJECT,
-    "a.off": lambda: OFF,
-    "a.ply": lambda: PLY,
     "a.wkt": lambda: WKT,
     "a.msh": lambda: evac.load("square_room").mesh.read_text(encoding="latin-1"),
     "a.geojson": osm,

@@ -693,7 +693,7 @@ class Plan:
             The name ends neither in .plan.toml nor in .msh; or as `surface`.
         """
         from evac.building.plan.plantable import plan_text, table_of
-        from evac.building.surface.meshfile import write_surface
+        from evac.building.surface.surface import write_surface
 
         if Path(path).name.lower().endswith(PLAN):
             Path(path).write_text(plan_text(table_of(self)), encoding="utf-8")

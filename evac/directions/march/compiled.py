@@ -13,7 +13,7 @@ from evac.base.arrays import BoolArray, FloatArray, IntArray
 from evac.building.model.building import FLAT, Area, Building, Exit
 from evac.directions.descent import Ways
 from evac.directions.lengths import strips_of
-from evac.directions.march.solver import Problem, Solver
+from evac.directions.march import Problem, Solver
 from evac.directions.march.waves import APART, FAR, FINAL, MarchState, march_waves
 from evac.directions.raster.grids import BuildingGrids
 from evac.directions.raster.lattice import chain

@@ -24,7 +24,7 @@ from shapely.ops import substring
 from evac.base.arrays import FloatArray, IndexArray
 from evac.base.phases import tell
 from evac.building.model.building import DOWN, FLAT, UP, Area, Exit, Portal
-from evac.directions.march.solver import Problem, Solver
+from evac.directions.march import Problem, Solver
 from evac.directions.raster.grids import OWN, RING, BuildingGrids, LevelGrid, use_towards
 from evac.directions.raster.lattice import SLACK, points_along
 from evac.jit.loading import cores

@@ -157,7 +157,7 @@ def try_extreme(extreme: Extreme, variant: str) -> trials.Verdict:
 
 
 #: A building of one triangle: a file in the OFF format, an exit on its side, and five people.
-TRIANGLE = "OFF\n3 1 0\n0 0 0\n6 0 0\n0 6 0\n3 0 1 2\n"
+TRIANGLE = "v 0 0 0\nv 6 0 0\nv 0 6 0\nf 1 2 3\n"
 DOOR = {"name": "door", "segment": [[0.0, 1.0], [0.0, 2.0]], "z": 0.0}
 PLACES = [[2.0, 1.0], [3.0, 1.0], [2.0, 2.0], [1.0, 3.0], [3.0, 2.0]]
 VISITORS = {"positions": PLACES, "z": 0.0, "radius": 0.2, "mass": 80.0, "tau": 0.5, "speed": 1.3}
@@ -169,7 +169,7 @@ def try_triangle(model: str) -> trials.Verdict:
     from evac.simulation.simulation import Simulation
 
     with tempfile.TemporaryDirectory() as folder:
-        mesh = Path(folder) / "triangle.off"
+        mesh = Path(folder) / "triangle.obj"
         mesh.write_text(TRIANGLE)
         content = {
             "building": {"mesh": str(mesh), "exits": [DOOR]},
