@@ -360,13 +360,10 @@ def show_people(simulation: "Simulation") -> None:
     """Show the groups with their start levels and their times to an exit."""
     import numpy as np
 
-    from evac.people.ways import walked_lengths
-
     population = simulation.population
     crowd = population.crowd
-    lengths = walked_lengths(simulation.fields, simulation.scene.world, crowd)
-    to_place = np.array([bool(route.area) for route in simulation.fields.routes])[crowd.route] & (crowd.level >= 0)
-    lengths[to_place] = simulation.fields.lengths_at(*crowd.ways(to_place))
+    is_here, lengths = crowd.level >= 0, np.zeros((len(crowd.level), 3))
+    lengths[is_here] = simulation.fields.lengths_at(*crowd.ways(is_here))
     with np.errstate(divide="ignore", invalid="ignore"):
         # A length of 0 takes no time, even at speed 0.
         time = np.where(lengths > 0.0, lengths / crowd.speed, 0.0).sum(axis=1)
@@ -382,7 +379,7 @@ def show_people(simulation: "Simulation") -> None:
         unimpeded = f"{time[goes].min():.1f} to {time[goes].max():.1f}" if len(goes) else ""
         radius = _span(crowd.radius[group.rows].min(), crowd.radius[group.rows].max()) if len(group.rows) else ""
         rows.append((group.name, len(group.rows), levels, unimpeded, radius))
-    columns = ("group", "people", "levels", "unimpeded time to an exit or place [s]", "radius [m]")
+    columns = ("group", "people", "levels", "shortest time to an exit or place [s]", "radius [m]")
     refuges = {place.area for place in simulation.case.place if place.kind == "refuge"}
     is_left = np.array([route.area in refuges for route in simulation.fields.routes])[crowd.route] & (crowd.level >= 0)
     left = {group.name: int(is_left[group.rows].sum()) for group in in_order(population.groups)}

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from evac.base.arrays import BoolArray, FloatArray, IntArray
 from evac.base.change import Change
 from evac.base.errors import ScenarioError, counted, some_of
-from evac.building.model.building import DOWN, FLAT, UP, Building
+from evac.building.model.building import Building
 from evac.building.model.findings import Finding
 from evac.directions.fields import Fields, columns_of
 from evac.directions.sampling import cell_of, sample_direction, sample_travel_times
-from evac.jit import Bytes, Floats, Ints, Longs, Pairs, Struct, Triples, inner, kernel
+from evac.jit import Bytes, Floats, Ints, Longs, Pairs, Triples, inner, kernel
 from evac.physics.contact.neighbours import segment_distance
 from evac.physics.seams import crossing, passes_through, side_of, walls_near
 from evac.physics.state import Crowd, World
@@ -34,16 +34,6 @@ MOVES, OVERLAP = 64, 2.5e-4
 SAME_PLACE = 1.0
 #: A walk fails if it exceeds the length of the way by this factor plus this number of cells.
 LONGEST, EXTRA = 3.0, 200.0
-
-
-class Measures(Struct):
-    """Lengths of walks along the slope, flat, up and down [m]; without rows, walks are not measured."""
-
-    length: Triples  # (n, 3) float64: of the walk of each person
-    remaining: Triples  # (cells, 3) float64: from each cell on the way of somebody who arrived
-    # pace, use: (steps,) float64, (steps,) int32: length of each step of one walk [m] and its use
-    pace: Floats
-    use: Ints
 
 
 def check_ways(
@@ -165,24 +155,6 @@ def _arrived(building: Building, fields: Fields, route: int, ends: FloatArray) -
     return ends
 
 
-def walked_lengths(fields: Fields, world: World, crowd: Crowd) -> FloatArray:
-    """Return the flat, up and down lengths (n, 3) of the way that each body walks alone, along the slope [m].
-
-    They are longer than those of `Fields.lengths_at`, because directions keep a clearance from walls, and inf for
-    people who do not arrive, 0 for those who are not inside.
-    """
-    column = columns_of(fields.packed, crowd.route, crowd.contact_radius)
-    lengths = np.zeros((len(crowd.level), 3))
-    for one in np.unique(column):
-        rows = np.flatnonzero((column == one) & (crowd.level >= 0))
-        rows = rows[np.argsort(-crowd.contact_radius[rows], kind="stable")]
-        walked = np.zeros((len(rows), 3))
-        ends = _walked(fields, world, crowd, rows, int(one), crowd.contact_radius[rows], walked)
-        walked[ends[:, 2] >= 0.0] = math.inf
-        lengths[rows] = walked
-    return lengths
-
-
 def _walked(
     fields: Fields,
     world: World,
@@ -190,9 +162,8 @@ def _walked(
     rows: NDArray[np.int64],
     column: int,
     radius: FloatArray,
-    lengths: FloatArray | None = None,
 ) -> FloatArray:
-    """Return where the walks of some people end, as `walk_all`, which also writes `lengths` if they are given."""
+    """Return where the walks of some people end, as `walk_all`."""
     ends = np.zeros((len(rows), 3))
     if not len(rows):
         return ends
@@ -206,14 +177,7 @@ def _walked(
     first = np.concatenate([[0], np.cumsum(sizes)])
     steps = most.astype(np.int64)
     trail = np.empty(steps.max() + 1, np.int64)
-    measured = len(seen) if lengths is not None else 0
-    measures = Measures(
-        length=np.zeros((0, 3)) if lengths is None else lengths,
-        remaining=np.zeros((measured, 3)),  # of which only the pages of cells on a way take memory
-        pace=np.empty(len(trail) if measured else 0),
-        use=np.empty(len(trail) if measured else 0, np.int32),
-    )
-    walk_all(world, position, level, column, radius, steps, first, seen, trail, ends, measures)
+    walk_all(world, position, level, column, radius, steps, first, seen, trail, ends)
     return ends
 
 
@@ -281,7 +245,6 @@ def walk_all(
     seen: Bytes,
     trail: Longs,
     ends: Triples,
-    measures: Measures,
 ) -> None:
     """Walk from all positions; a walk that reaches a cell from which another walk arrived ends there.
 
@@ -289,51 +252,26 @@ def walk_all(
     no walk; cells of a level are numbered from `first` (levels,) on. Cells from which an exit is reached are marked in
     `seen` (cells,); `trail` (steps,) is scratch; `ends` (n, 3) are x, y [m] and level of failed walks, or level -1.
     """
-    is_measured = measures.length.shape[0] > 0
     for p in range(position.shape[0]):
         ends[p, 2] = -1.0
         if most[p] == 0:
             continue
         x, y, at = position[p, 0], position[p, 1], level[p]
-        count, met = 0, -1
+        count = 0
         while count < most[p] and at >= 0:
             ix, iy, _, _ = cell_of(world.fields, x, y, at)
             cell = first[at] + ix * world.fields.shape[at, 1] + iy
             if seen[cell]:
-                at, met = -1, cell
+                at = -1
                 break
             trail[count] = cell
-            before_x, before_y, before = x, y, at
             x, y, at = walk_on(world, x, y, at, column, radius[p])
-            if is_measured:
-                measure_step(world, measures, count, x - before_x, y - before_y, before)
             count += 1
-        if at < 0 and is_measured:
-            add_up(measures, p, trail, count, met)
         if at < 0:
             for k in range(count):
                 seen[trail[k]] = 1
         else:
             ends[p, 0], ends[p, 1], ends[p, 2] = x, y, at
-
-
-@inner
-def measure_step(world: World, measures: Measures, step: int, dx: float, dy: float, level: int) -> None:
-    """Note the length of a step along the slope of a level and its use, by its direction as in `desired_speed`."""
-    climb = dx * world.uphill[level, 0] + dy * world.uphill[level, 1]
-    measures.use[step] = UP if climb > 0.0 else DOWN if climb < 0.0 else FLAT
-    measures.pace[step] = math.sqrt(dx * dx + dy * dy) / world.cosine[level]
-
-
-@inner
-def add_up(measures: Measures, p: int, trail: Longs, count: int, met: int) -> None:
-    """Write the lengths of a walk that arrived, and of what remains from each of its cells."""
-    for use in range(3):
-        measures.length[p, use] = measures.remaining[met, use] if met >= 0 else 0.0
-    for k in range(count - 1, -1, -1):
-        measures.length[p, measures.use[k]] += measures.pace[k]
-        for use in range(3):
-            measures.remaining[trail[k], use] = measures.length[p, use]
 
 
 @inner

@@ -10,14 +10,12 @@ import shapely
 
 from evac.base.errors import ScenarioError
 from evac.building.plan.plan import Plan
-from evac.case.loading import as_case
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
 from evac.people.population import Group
-from evac.people.ways import check_ways, cut_off, walked_lengths
+from evac.people.ways import check_ways, cut_off
 from evac.physics.state import make_crowd
 from evac.physics.world import make_world
-from evac.simulation.simulation import Simulation
 from tests.directions.conftest import Drawing
 
 CASE = Path("case.toml")
@@ -132,48 +130,6 @@ def test_no_body_slips_through_a_gap_that_is_a_little_narrower(short):
     passing = two_rooms(door=(2.0, 2.5 + short), wall=0.05)
     fields = build_fields(passing, ROUTES, clearance=0.25, narrowest=0.5, widest=0.5)
     assert check(passing, fields, [[1.0, 1.0], [3.0, 2.2]], 0.25) == ()
-
-
-def test_walked_lengths_keep_the_clearance_that_a_person_alone_keeps():
-    """Round two corners: lengths of the travel time touch them, and are 4 % below the way walked."""
-    ground = shapely.box(0, 0, 6, 6).difference(shapely.box(2, 1.2, 2.2, 6)).difference(shapely.box(4, 0, 4.2, 4.8))
-    content = {
-        "building": {
-            "plan": {
-                "storeys": [{"name": "f", "polygons": [ground.wkt]}],
-                "exits": [{"name": "out", "storey": "f", "segment": [[6, 0.2], [6, 1.4]]}],
-            }
-        },
-        "people": [{"name": "a", "level": "f", "positions": [[0.5, 5.5]], "radius": 0.25, "tau": 0.05}],
-        "contact": {"model": "nsm1"},
-    }
-    simulation = Simulation(as_case(content))
-    crowd = simulation.population.crowd
-    walked = walked_lengths(simulation.fields, simulation.scene.world, crowd)
-    touching = simulation.fields.lengths_at(crowd.level, crowd.position, crowd.route, crowd.contact_radius)
-    assert simulation.run().exit_status == 0
-    assert walked[0] == pytest.approx([crowd.distance[0], 0.0, 0.0], rel=0.02)
-    assert touching[0, 0] < 0.96 * crowd.distance[0]
-
-
-def test_walked_lengths_are_along_the_slope_by_use_and_infinite_for_who_is_stopped():
-    drawing = Drawing()
-    drawing.level((0.0, 0.0, 4.0, 4.0))
-    drawing.level((4.0, 1.0, 8.0, 3.0), uphill=(0.5, 0.0), slope=float(np.arctan(0.5)))
-    drawing.level((8.0, 0.0, 12.0, 4.0))
-    drawing.portal(0, 1, (4.0, 1.0), (4.0, 3.0))
-    drawing.portal(1, 2, (8.0, 1.0), (8.0, 3.0))
-    drawing.exit("up", 2, (12.0, 1.5), (12.0, 2.5))
-    building = drawing.build()
-    crowd = make_crowd([[1.0, 2.0], [11.0, 2.0], [2.0, 2.0], [9.0, 2.0]])
-    crowd.level[:] = [0, 2, 0, 2]
-    crowd.contact_radius[:] = [0.2, 0.2, 1.1, 0.25]
-    fields = build_fields(building, (Route(),), clearance=0.25, narrowest=0.4, widest=2.2)
-    lengths = walked_lengths(fields, make_world(building, fields), crowd)
-    assert lengths[[0, 1, 3]] == pytest.approx(
-        np.array([[7.0, 4.0 * np.sqrt(1.25), 0.0], [1.0, 0.0, 0.0], [3.0, 0.0, 0.0]]), abs=0.15
-    )
-    assert np.isinf(lengths[2]).all()
 
 
 def test_a_walk_that_ends_within_a_cell_of_its_exit_has_arrived():
