@@ -52,7 +52,6 @@ def test_repetitions_of_populations(evac, tmp_path, capsys):
     assert "populations" in capsys.readouterr().out
     with (tmp_path / "square_room-runs" / "runs.csv").open() as file:
         assert [row["population_seed"] for row in csv.DictReader(file)] == ["1", "1", "2", "2"]
-    assert evac("repeat", "square_room", "--imo", "--runs", "4") == 2
 
 
 def test_half_the_step_is_shown_beside_the_interval(evac, tmp_path, capsys):
