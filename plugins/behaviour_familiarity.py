@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IndexArray
 from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter
-from evac.base.saved import Bounds
 from evac.directions.routes import Route
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.people.sights import notice_signs, watch_walkers
@@ -209,7 +208,3 @@ class Familiarity(Behaviour):
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if no exit is named."""
         return bool(self._names)
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of marks and times."""
-        return {"_known": Bounds(0, 1), "_seen": Bounds(0, 1), "_next": Bounds(0.0)}

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter, did_you_mean
-from evac.base.saved import Bounds
 from evac.building.model.building import DOWN, FLAT, UP
 from evac.directions.routes import PREFERRED, WEIGHED, Route
 from evac.people.behaviour import Behaviour, BehaviourScene
@@ -373,15 +372,6 @@ class Helpers(Behaviour):
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if nobody is to be fetched."""
         return any(len(group.rows) and group.settings.get("device", self.device) for group in scene.groups)
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of states, tasks and times."""
-        return {
-            "_state": Bounds(WAITS, IS_THERE),
-            "_task": Bounds(-1, len(self._people) - 1),
-            "_until": Bounds(0.0, nan=True),
-            "_by": Bounds(0, 1),
-        }
 
 
 def _device(name: str, value: Any) -> Device:

@@ -8,7 +8,6 @@ import numpy as np
 
 from evac.base.arrays import BoolArray
 from evac.base.parameters import Parameter
-from evac.base.saved import Bounds
 from evac.directions.routes import PREFERRED, Route
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
@@ -75,10 +74,6 @@ class LiftUse(Behaviour):
     def acts_at_ticks(self) -> bool:
         """Return whether somebody's patience may end."""
         return bool(np.isfinite(self._patience).any())
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of routes and times."""
-        return {"_own": Bounds(0, len(self._scene.fields.routes) - 1), "_waited": Bounds(0.0)}
 
     def notes(self) -> tuple[str, ...]:
         """Return how many people take a lift, and how many have waited too long."""

@@ -11,7 +11,6 @@ from evac.base.arrays import IntArray
 from evac.base.distributions import Distribution, parse
 from evac.base.errors import PluginError, ScenarioError, naming
 from evac.base.parameters import Parameter, did_you_mean
-from evac.base.saved import Bounds
 from evac.building.model.cells import LevelField
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
@@ -132,10 +131,6 @@ class ResponseTime(Behaviour):
     def _begin_of(self, group: Any) -> str:
         found: str = group.settings.get("begin", BEGIN[0] if self._walks_on(group) else self.begin)
         return found
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return that times and numbers are 0 or more."""
-        return {"_response": Bounds(0.0, np.inf), "_heard": Bounds(0)}
 
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if everybody starts immediately."""

@@ -4,7 +4,6 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.parameters import Parameter
-from evac.base.saved import Bounds
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
 
@@ -55,7 +54,3 @@ class Rest(Behaviour):
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if no group rests."""
         return any("after" in group.settings for group in scene.groups)
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of lengths and times."""
-        return {**dict.fromkeys(("_walked", "_climbed", "_onwards"), Bounds(0.0)), "_until": Bounds(-np.inf, np.inf)}

@@ -4,7 +4,6 @@ import numpy as np
 import shapely
 
 from evac.base.parameters import Parameter
-from evac.base.saved import Bounds
 from evac.people.behaviour import Behaviour, BehaviourScene
 from evac.physics.state import Crowd
 
@@ -61,7 +60,3 @@ class Riding(Behaviour):
             aside = np.clip(off / TURNING, -1.0, 1.0)
             aside[stands] = np.sign(off[stands])
             crowd.extra_direction[rows] += aside[:, None] * left - stands[:, None] * along
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of the marks of those who walk."""
-        return {"_walks": Bounds(0, 1)}

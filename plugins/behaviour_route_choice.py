@@ -10,7 +10,6 @@ import numpy as np
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import PluginError, ScenarioError
 from evac.base.parameters import Parameter, did_you_mean
-from evac.base.saved import Bounds
 from evac.directions.fields import Fields
 from evac.directions.routes import STRATEGIES, Route
 from evac.people.behaviour import Behaviour, BehaviourScene
@@ -121,10 +120,6 @@ class RouteChoice(Behaviour):
     def acts_at_ticks(self) -> bool:
         """Return False if routes are only chosen at the start."""
         return self.every > 0.0 or any(math.isfinite(choosers.change_at) for choosers in self._groups)
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of marks and times."""
-        return {"_changed": Bounds(0, 1), "_next": Bounds(0.0, math.inf)}
 
     def _choosers_of(self, group: Any, route: IntArray) -> list[_Choosers]:
         """Return the people of a group, by the exits that their route in the case permits."""

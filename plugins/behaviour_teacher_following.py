@@ -7,7 +7,6 @@ import numpy as np
 
 from evac.base.errors import ScenarioError
 from evac.base.parameters import Parameter, did_you_mean
-from evac.base.saved import Bounds
 from evac.building.model.building import FLAT
 from evac.directions.fields import PackedFields
 from evac.directions.sampling import column_of, sample_travel_time
@@ -110,10 +109,6 @@ class TeacherFollowing(Behaviour):
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if no group has a teacher."""
         return any("teacher" in group.settings for group in scene.groups)
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of what is saved."""
-        return {"memory": Bounds(-np.inf, np.inf), "goes_alone": Bounds(0, 1)}
 
 
 def _teacher_of(group: Any, groups: tuple[Any, ...]) -> int:

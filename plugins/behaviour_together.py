@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, counted
 from evac.base.parameters import Parameter, did_you_mean
-from evac.base.saved import Bounds
 from evac.building.model.building import FLAT
 from evac.directions.routes import Route
 from evac.people.behaviour import Behaviour, BehaviourScene
@@ -194,16 +193,6 @@ class Together(Behaviour):
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if no group has one of the keys."""
         return bool(_taking_part(scene))
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of stages and times."""
-        return {
-            "_stage": Bounds(GATHERS, LEAVES),
-            "_since": Bounds(0.0),
-            "_least": Bounds(0.0, np.inf),
-            "_counted": Bounds(0.0, np.inf),
-            "_arrived": Bounds(0, 1),
-        }
 
 
 def _taking_part(scene: BehaviourScene) -> list[Any]:

@@ -8,7 +8,6 @@ import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.parameters import Parameter
-from evac.base.saved import Bounds
 from evac.directions.sampling import column_of, sample_direction
 from evac.jit import Bytes, Floats, Ints, Pairs, Struct, inner, kernel
 from evac.people.behaviour import Behaviour, BehaviourScene
@@ -258,10 +257,6 @@ class Walking(Behaviour):
         """Set the heading of everybody, and the speed with it."""
         self._motion.velocity[:] = self._displacement_velocity
         walk(self._world, crowd, self._outside, self._sights, self._seen, self._motion, self._rule, self._tick, time)
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of unit vectors."""
-        return {"heading": Bounds(-LONGEST, LONGEST)}
 
 
 @kernel

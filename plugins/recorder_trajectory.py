@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.base.saved import Bounds, SavedError
+from evac.base.saved import SavedError
 from evac.contract.hooks import hookimpl
 from evac.folder.files import REPLAY_NAME, TRAJECTORY_NAME
 from evac.results.results import Results, versions
@@ -30,7 +30,6 @@ class TrajectoryRecorder(Recorder):
     _writer: "TrajectoryWriter | None" = None
     _recorded = -1.0  # time of the last frame [s]
     _changes = 0  # number of changes that have been written
-    _latest = 0.0, 0  # the greatest that these can be
 
     def start(self, simulation: "Simulation") -> None:
         """Write the header: the building, the groups and the settings of the run."""
@@ -63,7 +62,6 @@ class TrajectoryRecorder(Recorder):
         is_written = simulation.folder is not None and simulation.case.output.trajectory
         if (TRAJECTORY_NAME in files) != is_written:
             raise SavedError(f"{TRAJECTORY_NAME}: the checkpoint does not say where it ends")
-        self._latest = simulation.time, len(simulation.scene.changes)
         if is_written:
             super().restore(simulation, state)
 
@@ -73,11 +71,6 @@ class TrajectoryRecorder(Recorder):
         """Open the file again, whose last frame is that of the checkpoint, which has been checked."""
         if simulation.folder is not None and state:
             self._open(simulation, (simulation.folder / TRAJECTORY_NAME).stat().st_size)
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return that nothing is written that is still to come."""
-        time, changes = self._latest
-        return {"_recorded": Bounds(-1.0, time), "_changes": Bounds(0, changes)}
 
     def files(self) -> Mapping[str, int]:
         """Return the length of the trajectory."""

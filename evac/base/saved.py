@@ -4,7 +4,7 @@ import reprlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -20,28 +20,16 @@ class SavedError(ResultError):
     """An array of a checkpoint is missing, or is not what its owner saves."""
 
 
-class Bounds(NamedTuple):
-    """What a saved attribute may be; other shapes than the present one are given, with None for any length."""
-
-    least: Any = -FINITE
-    most: Any = FINITE
-    nan: bool = False
-    shape: tuple[int | None, ...] | None = None
-
-
 class Saved:
     """A part of a run, which declares the attributes that a checkpoint saves.
 
     `saved` names attributes, also attributes of these, in the order in which they are restored: numbers, arrays, other
-    parts, and dictionaries and structs of these. Arrays are written in place, unless `bounds` gives their shape.
-    Attributes that are None are left out.
+    parts, and dictionaries and structs of these. Arrays are written in place, but those that `growing` names, or items
+    of its names, may have another length and are replaced. Attributes that are None are left out.
     """
 
     saved: tuple[str, ...] = ()
-
-    def bounds(self) -> Mapping[str, Bounds]:
-        """Return, by name, what saved attributes and items of mappings may be; without them numbers must be finite."""
-        return {}
+    growing: tuple[str, ...] = ()
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of what is saved."""
@@ -87,16 +75,16 @@ def _restored(state: State, key: str, value: Any, owner: Saved, name: str) -> An
             value.restore(own)
     elif (items := _items(value)) is not None:
         for item, part in items.items():
-            new = _restored(state, f"{key}.{item}", part, owner, item if item in owner.bounds() else name)
+            new = _restored(state, f"{key}.{item}", part, owner, name)
             if new is not part:
                 value[item] = new
     elif value is not None:
-        array, allowed = np.asarray(value), owner.bounds().get(name, Bounds())
-        shape = array.shape if allowed.shape is None else allowed.shape
-        saved = taken(state, key, array.dtype, shape, allowed.least, allowed.most, allowed.nan)
+        array, grows = np.asarray(value), name in owner.growing
+        shape = (None, *array.shape[1:]) if grows else array.shape
+        saved = taken(state, key, array.dtype, shape, -np.inf, np.inf, nan=True)
         if not isinstance(value, np.ndarray):
             return type(value)(saved[()])
-        if allowed.shape is not None:
+        if grows:
             return saved
         value[...] = saved
     return value

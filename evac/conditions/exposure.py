@@ -14,7 +14,7 @@ from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.distributions import generator_for
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
-from evac.base.saved import Bounds, Saved
+from evac.base.saved import Saved
 from evac.building.model.building import DOWN, FLAT, UP, Building
 from evac.conditions.air import NAME, PERIOD, Air, SmokeField
 from evac.conditions.dose import COUNTED, MINUTE, NEEDED, dose_rates, irritant_concentration, irritant_scale
@@ -74,6 +74,7 @@ class Exposure(Saved):
         *("share", "doses", "extinction", "irritants", "stopped_at"),
         *("_rates", "_time", "_shown", "_series", "routes"),
     )
+    growing = ("_series",)
 
     def __init__(self, case: "Case", scene: "Scene", crowd: Crowd, groups: Sequence[Group]) -> None:
         self._case, self._crowd, self._dose, self._law = case, crowd, case.dose, law_of(case)
@@ -275,13 +276,6 @@ class Exposure(Saved):
         }
         return {"conditions": report, "exposure": exposure}
 
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of doses, smoke and times."""
-        times = dict.fromkeys(("stopped_at", "_rates", "_time"), Bounds(0.0, np.inf, nan=True))
-        smoke = dict.fromkeys(("doses", "extinction", "irritants"), Bounds(0.0, np.inf))
-        series = Bounds(0.0, np.inf, shape=(None, len(SERIES)))
-        return times | smoke | {"share": Bounds(0.0, 1.0), "_shown": Bounds(-PERIOD, np.inf), "_series": series}
-
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned."""
         super().restore(state)
@@ -374,10 +368,6 @@ class RoutesInSmoke(Saved):
     def report(self) -> dict[str, float]:
         """Return what the summary of a run says about the solves."""
         return {"solves": int(self._counts[0]), "levels_solved": int(self._counts[1]), "cpu_seconds": self._seconds}
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of the counts and the version."""
-        return {"_counts": Bounds(0, np.iinfo(np.int64).max), "_version": Bounds(-1, np.iinfo(np.int64).max)}
 
 
 def _widened(fields: Fields, share: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
-from evac.base.saved import Bounds, Saved
+from evac.base.saved import Saved
 from evac.building.model.building import Area, Building
 from evac.building.model.cells import CellIndex, LevelField, cell_at
 from evac.conditions.dose import dose_rates, irritant_concentration, irritant_scale
@@ -377,11 +377,6 @@ class Safety(Saved):
                 reached[rows[(doses[:, rows].max(axis=0) >= dose) & np.isinf(reached[rows])]] = time
                 when = np.where(self._limit[cells] == dose, np.minimum(when, reached[rows]), when)
             self._margins.when[rows] = when
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of margins and times."""
-        times = dict.fromkeys(("least_at", "left", "_reached"), Bounds(0.0, np.inf, nan=True))
-        return times | dict.fromkeys(("least", "_of_compartments"), Bounds(-np.inf, np.inf, nan=True))
 
     def results(self, crossings: tuple[IntArray, IntArray, FloatArray]) -> dict[str, Any]:
         """Return what the results of a run say: ``safety``, and ``margins``, columns of people.csv.

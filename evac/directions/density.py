@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from evac.base.arrays import FloatArray, IndexArray, IntArray
-from evac.base.saved import Bounds, Saved
+from evac.base.saved import Saved
 from evac.directions.fields import PackedFields
 from evac.directions.march.waves import CUT, JAM, average, deposit, find_queues
 from evac.directions.raster.grids import OWN, BuildingGrids, LevelGrid
@@ -170,10 +170,6 @@ class Gates(Saved):
             for index, (ours, _) in grid.seams.items():
                 self.at[ours] = index
         self.people, self.queues = np.zeros((len(width), BINS)), np.ones((len(width), BINS))
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return that numbers of people are 0 or more."""
-        return {"people": Bounds(0.0, np.inf)}
 
     def count(self, gate: IntArray, walk: FloatArray, gain: float) -> None:
         """Count people (n,) on the way to gates (-1: none), `walk` [s] away, with a weight beside those before."""

@@ -19,7 +19,7 @@ from typing import Protocol
 import numpy as np
 
 from evac.base.arrays import FloatArray, IndexArray, IntArray
-from evac.base.saved import Bounds, Saved
+from evac.base.saved import Saved
 from evac.directions.density import Gates, Kernels, at_nodes_of, gain_of
 from evac.directions.fields import Fields, columns_of
 from evac.directions.march.compiled import first_car
@@ -108,10 +108,6 @@ class Quickest(Saved):
     def report(self) -> dict[str, float]:
         """Return what the summary of a run says about the updates."""
         return dict(zip(("updates", "levels_solved"), self._counts.tolist(), strict=True))
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of densities and counts."""
-        return dict.fromkeys(("_density", "_counts", "_is_solved"), Bounds(0, np.inf))
 
     def _count_on_way(self, level: IntArray, nodes: IndexArray, columns: IntArray, gain: float) -> IntArray:
         """Count people at nodes of levels on their way to gates; return how many are on the way to each car (levels,).

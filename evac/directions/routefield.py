@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray, pairs_of
 from evac.base.phases import tell
-from evac.base.saved import Bounds, Saved, taken
+from evac.base.saved import Saved, taken
 from evac.directions.density import STEP, Gates
 from evac.directions.descent import ONE_LABEL, descend
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.lengths import make_ways, routes_at_present
 from evac.directions.march import Problem
-from evac.directions.march.compiled import CompiledMarch, first_car
+from evac.directions.march.compiled import CompiledMarch
 from evac.directions.march.waves import APART, FAR, FINAL, MarchState, find_speeds
 from evac.directions.raster.grids import OWN, BuildingGrids, Shared, lead_through_doors
 from evac.directions.raster.lattice import grown, nearest_marked, parts_of
@@ -281,22 +281,6 @@ class RouteField(Saved):
         self._travel_time[self._column] = taken(state, "travel_time", np.float64, (size,), -np.inf, np.inf)
         self._direction[self._column] = taken(state, "direction", np.float64, (size, 2))
         self._write_where_no_way_is()
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of the arrays of the waves."""
-        links = Bounds(-1, first_car(self._grids.building) + len(self._grids.levels) - 1)
-        any_time = Bounds(-np.inf, np.inf)
-        gates, sides = Bounds(-1, len(self._gates.people) - 1), Bounds(0, 1)
-        bounds = {
-            "jump_time": any_time,
-            "time": any_time,
-            "walk": any_time,
-            "exit": links,
-            "former": links,
-            "gate": gates,
-            "leans": sides,
-        }
-        return {f"waves.{name}": bound for name, bound in bounds.items()}
 
     def leave_out_empty(self, people: IndexArray) -> set[int]:
         """Leave out the pockets in which none of the people at these nodes are; return the levels of those taken in."""

@@ -10,7 +10,7 @@ from collections.abc import Set
 import numpy as np
 
 from evac.base.arrays import FloatArray
-from evac.base.saved import Bounds, Saved
+from evac.base.saved import Saved
 from evac.directions.density import Gates
 from evac.directions.fields import Fields
 from evac.directions.local import LocalWays
@@ -30,6 +30,7 @@ class Smoky(Saved):
     """
 
     saved = ("_smoke", "_columns")
+    growing = ("_smoke",)  # so that it is assigned
 
     def __init__(
         self, fields: Fields, clear: Fields, quickest: Quickest | None = None, local: LocalWays | None = None
@@ -78,7 +79,3 @@ class Smoky(Saved):
                 column.take_smoke(level, self.share)
         if self._local is not None:
             self._local.take_smoke(self.share)
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of the share."""
-        return {"_smoke": Bounds(LEAST_SHARE, 1.0, shape=self.share.shape)}

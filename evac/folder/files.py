@@ -52,7 +52,6 @@ PICTURE_NAME = "picture.png"
 FILM_NAME = "film.gif"
 
 REPORT_NAME = "report.html"  #: The report of `evac report`.
-PLUGIN_FILES = "plugin_files"  #: Key of a summary that lists the files of plugins, relative to the folder.
 
 #: Name of the manifest, what its first line says, and the beginning of the names of files that are being written.
 MANIFEST_NAME = "manifest.jsonl"

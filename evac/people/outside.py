@@ -3,14 +3,13 @@
 import numpy as np
 
 from evac.base.arrays import IntArray
-from evac.base.saved import FINITE, Bounds, Saved
+from evac.base.saved import Saved
 from evac.building.model.building import FLAT, Building
 from evac.jit import Floats, Ints, Pairs, Struct, kernel
 from evac.physics.driver import FASTEST
 from evac.physics.state import Crowd
 
 REACH = 2.0  #: Distance behind the line of an exit up to which people who have left are seen [m].
-ROUNDING = 1e-9  #: Rounding error of unit vectors.
 
 
 class Outside(Struct):
@@ -64,7 +63,6 @@ class PeopleOutside(Saved):
         self._segment = np.concatenate([np.empty((0, 4)), *segments])
         self._exit = np.repeat(np.arange(len(segments)), [len(pieces) for pieces in segments])
         self._level = np.array([way.level for way in building.exits], np.int32)
-        self._levels = len(building.levels)
 
     def advance(self, left: IntArray, time: float, tick: float) -> None:
         """Advance everybody outside by a tick [s], which ends at `time`, and add those who left during it.
@@ -98,21 +96,6 @@ class PeopleOutside(Saved):
             outside.position[row] = nearest[crossed]
             outside.velocity[row] = np.clip(crowd.velocity[row] @ normal, 0.0, FASTEST) * normal
             outside.depth[row] = 0.0
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of the arrays: only people who have left are outside, near the exits."""
-        last = np.where(self._crowd.level < 0, self._levels - 1, -1)
-        is_seen = self.arrays.level >= 0
-        ends = self._segment.reshape(-1, 2)
-        low, high = ends.min(axis=0, initial=0.0) - 2.0 * REACH, ends.max(axis=0, initial=0.0) + 2.0 * REACH
-        return {
-            "level": Bounds(-1, last),
-            "position": Bounds(np.where(is_seen[:, None], low, -FINITE), np.where(is_seen[:, None], high, FINITE)),
-            "velocity": Bounds(-FASTEST, FASTEST),
-            "direction": Bounds(-1.0 - ROUNDING, 1.0 + ROUNDING),
-            "depth": Bounds(0.0, np.where(is_seen, REACH, FINITE)),
-            "speed_factor": Bounds(0.0),
-        }
 
 
 @kernel

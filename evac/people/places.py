@@ -12,7 +12,7 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.defaults import SIGN_RANGE
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
-from evac.base.saved import FINITE, Bounds, Saved
+from evac.base.saved import Saved
 from evac.building.model.building import Area, Building, Place
 from evac.building.options import Placed
 from evac.building.surface.places import find_level
@@ -318,9 +318,3 @@ class Places(Saved):
             )
             for place, there in zip(self._places, rows, strict=True)
         )
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of routes, places and times."""
-        routes, places = len(self._ends_inside), len(self._places)
-        ends = {"_before": Bounds(0, routes - 1), "_meant": Bounds(-1, places - 1)}
-        return ends | {"_since": Bounds(0.0, FINITE, nan=True)}

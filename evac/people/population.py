@@ -14,7 +14,7 @@ from evac.base.defaults import LEAST_HEIGHT, LEAST_RADIUS, MOST_HEIGHT, MOST_MAS
 from evac.base.distributions import Distribution, generator_for
 from evac.base.errors import ScenarioError, SimulationError, naming
 from evac.base.parameters import did_you_mean
-from evac.base.saved import Bounds, Saved, SavedError, taken
+from evac.base.saved import Saved, SavedError, taken
 from evac.building.model.building import DOWN, FLAT, UP, Area, Building
 from evac.building.model.elevation import elevation
 from evac.building.model.findings import Finding
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-6  #: Tolerance for rounded positions outside a level or inside a wall [m].
 
-
-BEYOND = 10.0  #: Distance from the building within which a saved position must lie [m].
 
 #: Arrays of the crowd that are heeded if others than their owners write them between ticks, and before the first one.
 HEEDED = ("start_time", "speed", "route")
@@ -243,37 +241,17 @@ class Population(Saved):
         for source in self._reserves.values():
             self.reserve[source.rows] = np.isinf(source.due)
         crowd = self.crowd
+        building = self._building  # perhaps another one than that of the checkpoint
+        counts = len(building.levels), len(building.exits), len(building.links), self._routes
+        for name, count in zip(("level", "exit_used", "passing", "route"), counts, strict=True):
+            if not -1 <= getattr(crowd, name).min() <= getattr(crowd, name).max() < count:
+                raise SavedError(f"crowd.{name}: there are only {count}")
         is_out = (crowd.level < 0) & ~np.isnan(crowd.arrival_time)
         if not np.array_equal(is_out, np.isfinite(crowd.exit_time)) or (crowd.exit_used[~is_out] >= 0).any():
             raise SavedError("crowd.level: is not -1 for exactly those who have an exit_time, as all with an exit_used")
         rows = taken(state, "crossing_row", np.int32, (None,), 0, len(is_out) - 1)
         links = taken(state, "crossing_link", np.int32, rows.shape, 0, len(self._building.links) - 1)
         self._log = [(rows, links, taken(state, "crossing_time", np.float64, rows.shape, 0.0))]
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of each array of the crowd that has more than to be finite."""
-        building = self._building
-        corners = building.vertices[:, :2]
-        own = {name: Bounds(*BOUNDS[name]) for name in ("radius", "height", "mass", "tau", "speed")}
-        return own | {
-            "contact_radius": own["radius"],
-            "position": Bounds(corners.min(axis=0) - BEYOND, corners.max(axis=0) + BEYOND),
-            "level": Bounds(-1, len(building.levels) - 1),
-            "group": Bounds(0, len(self.groups) - 1),
-            "start_time": Bounds(-np.inf, np.inf),
-            "route": Bounds(0, self._routes - 1),
-            "speed_factor": Bounds(0.0),
-            "exit_time": Bounds(0.0, nan=True),
-            "exit_used": Bounds(-1, len(building.exits) - 1),
-            "distance": Bounds(0.0),
-            "overlap": Bounds(0.0),
-            "mingled": Bounds(0, 1),
-            "contact_force": Bounds(0.0),
-            "arrival_time": Bounds(0.0, nan=True),
-            "passing": Bounds(-1, len(building.links) - 1),
-            "ahead": Bounds(-1.0, 1.0),
-            "firmness": Bounds(1.0),
-        }
 
 
 def build_population(

@@ -16,7 +16,7 @@ from evac.base.defaults import DOOR_REACH
 from evac.base.distributions import generator_for
 from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
-from evac.base.saved import Bounds, Saved
+from evac.base.saved import Saved
 from evac.building.model.building import Area, Building, Exit, Level, Portal
 from evac.building.model.cells import Cells
 from evac.building.model.findings import Finding, item_of
@@ -264,10 +264,6 @@ class Source(Saved):
             self.place[left[0]] = place
         self.due[left[0]] = time
         return int(self.rows[left[0]])
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return that times are not negative."""
-        return {"due": Bounds(0.0, np.inf), "place": Bounds(nan=True)}
 
     def let_in(self, building: Building, crowd: Crowd, time: float) -> IntArray:
         """Put people who wait to free places, in the order of their times, and return those who have come in.

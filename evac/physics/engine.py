@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import PluginError, SimulationError, fault, is_foreign, place_of, plugin_code
 from evac.base.parameters import did_you_mean
-from evac.base.saved import FINITE, Bounds, Saved
+from evac.base.saved import Saved
 from evac.directions.sampling import column_of, sample_travel_time
 from evac.jit import AddressCall, Bytes, Callback, Entry, call_body_force, call_pair_force, call_person_force, kernel
 from evac.jit.loading import addresses_of
@@ -147,10 +147,6 @@ def scatter(crowd: Crowd, bodies: Bodies) -> None:
         crowd.contact_force[p] = bodies.contact_force[b]
 
 
-#: Greatest reach of neighbour lists that a saved state can have [m], and greatest factor of the sizes of its arrays.
-LONGEST_REACH = 1000.0
-MOST_GROWTH = 64
-
 #: Descriptions of failed steps for messages; contact models add what to change.
 _FAILURES = {
     status.WALL_CROSSED: (
@@ -237,6 +233,7 @@ class CompiledEngine(Engine):
     """The step loop of a run, with its state and compiled kernels."""
 
     saved = ("memory", "room", "data.tally", "data.lists.pair_reach", "data.lists.wall_reach", "data.clock.h_before")
+    growing = ("memory", "room")
 
     def __init__(
         self,
@@ -492,26 +489,6 @@ class CompiledEngine(Engine):
         state.lists = make_lists(len(state.bodies.row), pairs, walls, len(state.world.cosine))
         make_room_for_contacts(state, contacts)
         state.events = allocate(Events, events)
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return what saved arrays may be: persons, walls and levels that there are, room for what is remembered."""
-        state, people, room = self.data, len(self.data.bodies.row), self.room
-        most = np.full(len(at.NAMES), FINITE)
-        most[[at.DEEPEST_PERSON, at.DEEPEST_LEVEL]] = people - 1, len(state.world.cosine) - 1
-        bounds = {
-            "room": Bounds(
-                np.maximum(room, [0, 0, len(self.memory.get("pairs", ())), 0]), room * MOST_GROWTH, shape=(4,)
-            ),
-            "data.tally": Bounds(np.where(most < FINITE, 0.0, -FINITE), most),
-            "data.lists.pair_reach": Bounds(state.lists.pair_reach, LONGEST_REACH),
-            "data.lists.wall_reach": Bounds(state.lists.wall_reach, LONGEST_REACH),
-            "data.clock.h_before": Bounds(0.0, 1.0),
-        }
-        if self.memory:
-            remembered = len(self.memory["pairs"]), state.memory.value.shape[1]
-            bounds["pairs"] = Bounds((0, -len(state.world.wall)), people - 1, shape=(None, 2))
-            bounds["numbers"] = Bounds(-np.inf, np.inf, shape=remembered)
-        return bounds
 
     def report(self) -> dict[str, float | int]:
         """Return the tallies of the run by name: counts as int, other sums as float."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import BoolArray, FloatArray, IntArray
-from evac.base.saved import Bounds, Saved
+from evac.base.saved import Saved
 from evac.directions.fields import Fields
 from evac.jit import Bytes, FloatGrid, Floats, Longs, Pairs, Struct, kernel
 from evac.physics.state import Crowd
@@ -71,7 +71,7 @@ class Watch(Saved):
 
     saved = ("_speeds", "_forces", "_densities", "_chatter", "_crushing", "_overlaps", "_dense")
 
-    def __init__(self, radius: FloatArray, levels: int, tick: float, every: float, promised: float = np.inf) -> None:
+    def __init__(self, radius: FloatArray, tick: float, every: float, promised: float = np.inf) -> None:
         self._width, self._tick, self.promised = 2.0 * radius, tick, promised
         self._speeds = _Means(len(radius), max(1, round(SPAN / tick)))
         self._forces = _Means(len(radius), max(FEWEST_FRAMES, round(FORCE_SPAN / every)))
@@ -79,7 +79,7 @@ class Watch(Saved):
         self._moved = Moved(velocity=velocity, sums=self._speeds.sums, inside=self._speeds.inside)
         self._ticks = max(1, round(DENSITY_EVERY / tick))
         self._densities = _Means(len(radius), round(DENSITY_SPAN / DENSITY_EVERY))
-        notes = (_Notes(len(radius), levels) for _ in range(4))
+        notes = (_Notes(len(radius)) for _ in range(4))
         self._chatter, self._crushing, self._overlaps, self._dense = notes
 
     def look(self, time: float, crowd: Crowd, displacement_velocity: FloatArray, is_recorded: bool = True) -> None:
@@ -192,12 +192,6 @@ class _Means(Saved):
         self.times[1] = time
         return bool(self.looks[0] == self.looks[1])
 
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of the sums and numbers of samples."""
-        length = self.looks[1]
-        looks = Bounds((0, length), (length - 1, length))
-        return {"sums": Bounds(0.0), "inside": Bounds(0, 1), "looks": looks, "times": Bounds(0.0)}
-
     def take(self) -> tuple[float, BoolArray, FloatArray]:
         """Return the start of the interval [s], who was always inside, and means (2, n); begin the next interval."""
         begin, inside, means = float(self.times[0]), self.inside.astype(bool), self.sums / self.looks[0]
@@ -213,18 +207,12 @@ class _Notes(Saved):
 
     saved = ("concerned", "between", "greatest", "of_whom", "values")
 
-    def __init__(self, people: int, levels: int) -> None:
-        self._most = people - 1, levels - 1
+    def __init__(self, people: int) -> None:
         self.concerned = np.zeros(people, np.uint8)
         self.between = np.zeros(2)  # since, until [s]
         self.greatest = np.zeros(1)
         self.of_whom = np.zeros(2, np.int64)  # person, level
         self.values = np.zeros(6)  # begin, end [s], x, y [m], the two means
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of people, levels, times and measures."""
-        whom = {"concerned": Bounds(0, 1), "of_whom": Bounds(0, self._most)}
-        return whom | {"between": Bounds(0.0), "greatest": Bounds(0.0)}
 
     def note(
         self,
@@ -355,10 +343,6 @@ class Ending(Saved):
         standing = time - np.fmax(self._progress_at, crowd.arrival_time) >= min(STANDING, self._settings.no_progress)
         standing &= (crowd.level >= 0) & ~self._arrived & ~self._stopped
         return np.flatnonzero(standing & (crowd.start_time <= time))
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return that all saved times are 0 s or more."""
-        return dict.fromkeys(self.saved, Bounds(0.0, np.inf))
 
     def _is_stuck(self, time: float, crowd: Crowd, fields: Fields) -> bool:
         """Return whether nobody has made progress or left for `no_progress`."""

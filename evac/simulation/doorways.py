@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Control
-from evac.base.saved import Bounds, Saved
+from evac.base.saved import Saved
 from evac.building.model.building import Building, Door, Exit, Link
 from evac.directions.fields import Fields
 from evac.physics.extent import extent
@@ -105,11 +105,6 @@ class Controls(Saved):
         if len(through) and control.every is not None:
             self._next[link] = np.fmin(crowd.exit_time[through], time).max() + control.every
         self._admitted[rows[side != self._side[rows]]] = -1
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of links, sides, numbers and times."""
-        times = dict.fromkeys(("_next", "_opens", "_asked"), Bounds(0.0, np.inf))
-        return times | {"_admitted": Bounds(-1, len(self._passed) - 1), "_side": Bounds(0, 1), "_passed": Bounds(0)}
 
 
 def _approach(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import ARRIVES, CLOSES, LEAVES, LIFT, OPENS, Change
 from evac.base.errors import counted, fault, plugin_code
-from evac.base.saved import Bounds, Saved
+from evac.base.saved import Saved
 from evac.building.model.building import Building, Portal
 from evac.building.model.lifts import Lift
 from evac.directions.routes import PREFERRED
@@ -88,6 +88,7 @@ class Lifts(Saved):
         *("phase", "stop", "to", "until", "waits_since", "trips", "rides"),
         *("_last", "_count", "_lets_out", "_called", "_place", "_is_led", "_waits_at", "_since", "_looked"),
     )
+    growing = ("trips", "rides")
 
     def __init__(self, scene: Scene, dispatcher: Dispatcher) -> None:
         assert scene.people is not None
@@ -195,21 +196,6 @@ class Lifts(Saved):
             for one in self.use()
             if one["trips"]
         )
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of phases, stops, times and people."""
-        most, lifts = max(len(lift.rooms) for lift in self._lifts) - 1, len(self._lifts) - 1
-        stops = dict.fromkeys(("stop", "to"), Bounds(0, most))
-        return stops | {
-            "phase": Bounds(STANDS, BACK),
-            "waits_since": Bounds(0.0, nan=True),
-            "trips": Bounds(0.0, shape=(None, len(Trip._fields))),
-            "rides": Bounds(0.0, shape=(None, 3)),
-            "_count": Bounds(0),
-            "_called": Bounds(-1, lifts),
-            "_place": Bounds(-np.inf, nan=True),
-            "_waits_at": Bounds(-1, len(self._lobbies) - 1),
-        }
 
     def _inside(self, k: int) -> IntArray:
         """Return the people in a car."""

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from evac.base.arrays import IntArray
 from evac.base.change import ALL, LIFT, Change
 from evac.base.errors import BuildingError, ScenarioError, counted, some_of
-from evac.base.saved import Bounds, Saved, SavedError
+from evac.base.saved import Saved, SavedError
 from evac.building.model.building import Building
 from evac.building.model.cells import MOST_FIELDS, LevelField
 from evac.building.model.links import building_at
@@ -77,6 +77,7 @@ class Scene(Saved):
         *("time", "_journal", "ways_version", "quickest", "_is_in_smoke", "smoky", "local", "_owned", "_in_barred"),
         *("controls", "cut_off_at"),
     )
+    growing = ("_journal",)
 
     def __init__(
         self,
@@ -344,17 +345,6 @@ class Scene(Saved):
     def _is_in_smoke(self, is_in_smoke: bool) -> None:
         if is_in_smoke:
             self.in_smoke()
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of times, texts and marks."""
-        journal = Bounds(0, 255, shape=(None,))
-        return {
-            "time": Bounds(0.0),
-            "_journal": journal,
-            "ways_version": Bounds(0),
-            "_in_barred": Bounds(OUTSIDE, ENTERED),
-            "cut_off_at": Bounds(0.0, nan=True),
-        }
 
     def _own_fields(self, fields: Fields) -> Fields:
         """Return fields for this scene alone: others if some of them follow the crowd."""

@@ -15,13 +15,12 @@ from evac.base.change import LIFT
 from evac.base.errors import EvacError, PluginError, naming, noting, plugin_code
 from evac.base.parameters import PATH, check_types
 from evac.base.phases import Phases, Progress
-from evac.base.saved import Bounds, Saved, SavedError, part_of, state_of
+from evac.base.saved import Saved, SavedError, part_of, state_of
 from evac.building.model.building import Building
 from evac.building.model.findings import Finding, as_findings, keyed, warnings_of
 from evac.building.model.narrow import narrow_places
 from evac.case.case import Case
 from evac.case.loading import as_case, run_plugin_files
-from evac.case.schema import LONGEST_RUN
 from evac.contract.registry import Registry
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
@@ -192,7 +191,7 @@ class Simulation(Saved):
             self.behaviours = self.deciding.used
             self.scene.let_in = self.let_in
         self.engine = assembly.make_engine(self, behaviours)
-        self.watch = Watch(crowd.radius, len(building.levels), settings.tick, case.output.every, promised)
+        self.watch = Watch(crowd.radius, settings.tick, case.output.every, promised)
         stopped = None if self.exposure is None else self.exposure.stopped
         ways, staying = len(self.fields.routes), self.population.staying
         reserve = self.population.reserve
@@ -424,11 +423,6 @@ class Simulation(Saved):
         building = assembly.files_of_building(self.case, assembly.make_importers(self.case))
         files = [*self.case.plugin_files, *building, *self.data_files()]
         return tuple(dict.fromkeys(str(path.resolve()) for path in files))
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of the step and of levels."""
-        last = round(LONGEST_RUN / self.case.simulation.step)
-        return {"step": Bounds(0, last), "start_level": Bounds(-1, len(self.building.levels) - 1)}
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all data that are needed to continue a run from this tick with identical results.

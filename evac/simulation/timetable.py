@@ -12,7 +12,7 @@ from evac.base.arrays import IntArray
 from evac.base.change import ARRIVES, CLOSES, LEAVE, LIFT, OPENS, REMEDIES, Change, is_legal
 from evac.base.errors import EvacError, ScenarioError
 from evac.base.parameters import did_you_mean
-from evac.base.saved import Bounds, Saved
+from evac.base.saved import Saved
 from evac.building.model.links import changed
 from evac.directions.routes import Route, changed_route
 
@@ -207,10 +207,6 @@ class Timetable(Saved):
                 if when is not None and self._is_true(when):
                     self._happens[k] = self._scene.time + when.after
                     self._scene.apply(Change(self._happens[k], event.kind, event.target, event.values))
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return that times are 0 s or more."""
-        return {"_happens": Bounds(0.0, np.inf)}
 
     def _is_true(self, when: "WhenSettings") -> bool:
         """Return whether a condition is true now."""

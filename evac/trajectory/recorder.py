@@ -27,8 +27,8 @@ class Recorder(Configurable, Saved, ABC):
     """Reads the simulation at the start, at every output time and at the end, without changing it.
 
     The simulation calls `record` every ``output.every`` seconds, beginning at time zero. ``simulation.folder`` is the
-    result folder, or None for a run that writes no files. Attributes named in ``saved`` are part of checkpoints, within
-    the bounds of ``bounds()``, as those of behaviours are.
+    result folder, or None for a run that writes no files. Attributes named in ``saved`` are part of checkpoints, as
+    those of behaviours are.
     """
 
     def start(self, simulation: "Simulation") -> None:

@@ -20,7 +20,7 @@ def displaced(*speeds):
 
 def test_velocities_that_nobody_moves_with_are_chatter():
     """Three people for 4 s: in the second span of 2 s the last two chatter, the last one more."""
-    watch = Watch(np.full(3, 0.2), 1, 0.5, 0.5)
+    watch = Watch(np.full(3, 0.2), 0.5, 0.5)
     calm = crowd_of([1.0, 1.0, 1.0])
     for k in range(1, 5):
         watch.look(0.5 * k, calm, displaced(1.0, 0.9, 0.81))
@@ -38,7 +38,7 @@ def test_velocities_that_nobody_moves_with_are_chatter():
     ("velocity", "moved", "is_chatter"), [(0.41, 0.2, True), (0.39, 0.2, False), (0.2, 0.01, False)]
 )
 def test_chatter_is_more_than_twice_as_fast_and_by_more_than_a_fifth_of_a_metre_per_second(velocity, moved, is_chatter):
-    watch = Watch(np.full(1, 0.2), 1, 2.0, 2.0)
+    watch = Watch(np.full(1, 0.2), 2.0, 2.0)
     watch.look(2.0, crowd_of([velocity]), displaced(moved))
     assert (watch.observations().get("chatter") is not None) == is_chatter
 
@@ -60,7 +60,7 @@ def test_a_crowd_is_too_dense_if_it_is_so_for_ten_seconds_on_one_level(people, p
     angle = np.arange(people) * 2.0 * np.pi / people
     crowd = make_crowd(0.2 * np.array([*np.column_stack([np.cos(angle), np.sin(angle)]), (0.0, 0.0)]))
     crowd.level[-1] = 1
-    watch = Watch(np.full(people + 1, 0.2), 2, 1.0, 1.0)
+    watch = Watch(np.full(people + 1, 0.2), 1.0, 1.0)
     for time in range(1, 10):
         crowd.position[0, 0] = 5.0 if time == parts else 0.2
         watch.look(float(time), crowd, np.zeros((people + 1, 2)))
@@ -73,7 +73,7 @@ def test_a_crowd_is_too_dense_if_it_is_so_for_ten_seconds_on_one_level(people, p
 
 
 def test_who_leaves_within_a_span_is_left_out_of_it():
-    watch = Watch(np.full(2, 0.2), 1, 1.0, 1.0)
+    watch = Watch(np.full(2, 0.2), 1.0, 1.0)
     crowd = crowd_of([1.0, 1.0])
     watch.look(1.0, crowd, displaced(0.0, 0.0))
     crowd.level[0] = -1
@@ -82,7 +82,7 @@ def test_who_leaves_within_a_span_is_left_out_of_it():
 
 
 def test_people_are_counted_once_and_the_greatest_span_is_kept():
-    watch = Watch(np.full(1, 0.2), 1, 2.0, 2.0)
+    watch = Watch(np.full(1, 0.2), 2.0, 2.0)
     for k, velocity in enumerate((1.0, 2.0, 1.5, 0.0), 1):
         watch.look(2.0 * k, crowd_of([velocity]), displaced(0.1))
     found = watch.observations().get("chatter")
@@ -92,7 +92,7 @@ def test_people_are_counted_once_and_the_greatest_span_is_kept():
 
 def press(forces, radius):
     """Ten recorded times, 1 s apart, with the same contact forces."""
-    watch = Watch(np.asarray(radius), 1, 0.1, 1.0)
+    watch = Watch(np.asarray(radius), 0.1, 1.0)
     crowd = crowd_of(np.zeros(len(forces)), forces, radius=radius)
     for k in range(1, FEWEST_FRAMES + 1):
         assert watch.observations().get("crushing") is None
@@ -116,14 +116,14 @@ def test_a_wide_body_is_crushed_by_the_force_on_a_person():
 
 def test_a_single_impact_crushes_nobody():
     """A man of 80 kg who meets a wall at 1.5 m/s is stopped within a step of 0.01 s by 12 kN."""
-    watch = Watch(np.full(1, 0.2), 1, 0.1, 0.5)
+    watch = Watch(np.full(1, 0.2), 0.1, 0.5)
     for k in range(1, 21):
         watch.look(0.5 * k, crowd_of([0.0], 12e3 if k == 7 else 0.0), displaced(0.0))
     assert watch.observations().get("crushing") is None
 
 
 def test_people_who_overlap_too_much_are_counted_once_with_period_and_greatest():
-    watch = Watch(np.array([0.2, 0.25, 0.2]), 1, 0.1, 0.5, promised=0.1)
+    watch = Watch(np.array([0.2, 0.25, 0.2]), 0.1, 0.5, promised=0.1)
     crowd = crowd_of([0.0] * 3)
     for time, overlaps in (
         (0.1, (0.1, 0.0, 0.0)),
