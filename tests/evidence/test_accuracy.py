@@ -7,6 +7,7 @@ import pytest
 import shapely
 
 from evac.directions.build import BEND
+from evac.evidence.accuracy import siconos
 from evac.evidence.accuracy.problems import LAWS, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy.reference import (
     ContactLaw,
@@ -155,6 +156,23 @@ def test_exact_solutions_are_what_small_steps_tend_to(problem, variant):
         errors.append(float(np.abs(found - problem.exact(plugin, parameters, 0.0)).max()))
     assert errors[1] < 2e-3
     assert errors[1] < max(0.9 * errors[0], 1e-9)
+
+
+@pytest.mark.parametrize("name", siconos.METHODS)
+def test_siconos_is_given_the_problem_of_evac(name):
+    """Percussions of evac have the residual that it states; those of siconos, if installed, solve the problem."""
+    method, problem = siconos.METHODS[name], contact_problem(snapshots(60, 1)["settled"], LAWS[0])
+    problem.start(False)
+    _, stated = problem.solve("gauss_seidel", 1e-3, 10_000)
+    contacts = problem.state.contacts
+    scaled = (contacts.percussion * np.sqrt(contacts.omega))[: problem.size]
+    assert siconos.residual(problem, scaled) == pytest.approx(stated, rel=1e-6)
+    matrix, vector = siconos.delassus(problem, method.unknowns)
+    assert matrix.diagonal() == pytest.approx(1.0)
+    if siconos.library() is not None:
+        found = np.zeros(len(vector))
+        siconos.solve(siconos.store(matrix, method), method, vector, found, 1e-12)
+        assert siconos.residual(problem, found[:: method.unknowns]) < 1e-9
 
 
 def test_sweeping_from_a_line_over_a_seam_of_slowness_is_exact():
