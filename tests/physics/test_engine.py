@@ -177,7 +177,6 @@ MISSING = {
     "nsm1, unconverged": (jam, Nsm1(**WEAK), [NEEDS_STRONGER_SOLVER]),
     "nsm2, unconverged": (jam, Nsm2(**WEAK), [NEEDS_STRONGER_SOLVER]),
     "nsm1, overlaps": (jam, Nsm1(gap_tolerance=1e-5), [NEEDS_SEPARATION]),
-    "nsm2, overlaps": (jam, Nsm2(position_correction=True), [NEEDS_SEPARATION]),
     "nsm1, both": (
         jam,
         Nsm1(gap_tolerance=1.2e-5, **WEAK),
@@ -255,13 +254,13 @@ def test_a_part_that_is_never_needed_is_never_loaded():
     assert [is_in for _, is_in, _ in engine.explain(Nsm1())] == [False, True, False, False]
 
 
-@pytest.mark.parametrize("separates", [False, True])
-def test_everything_forced_in_is_what_the_model_can_ask_for(separates):
+@pytest.mark.parametrize("model", [Nsm1(), Nsm2()])
+def test_everything_forced_in_is_what_the_model_can_ask_for(model):
     engine = make_engine(make_crowd([(0, 0)]), full=True)
-    engine.load(Nsm2(position_correction=separates))
+    engine.load(model)
     assert engine.data.parts.stronger.solve != 0
-    assert all(is_in for _, is_in, _ in engine.explain(Nsm2(position_correction=separates)))
-    assert (engine.data.parts.separation != 0) == separates
+    assert all(is_in for _, is_in, _ in engine.explain(model))
+    assert (engine.data.parts.separation != 0) == model.separates
 
 
 class Constants(Struct):

@@ -92,8 +92,6 @@ def people(generator: random.Random, level: str, used: dict[str, Any]) -> dict[s
     own = {}
     if "walking" in used and generator.random() < 0.4:
         own["walking"] = {"chest_depth": generator.choice([0.02, 0.1, 0.28, 2.0])}
-    if "rest" in used:
-        own["rest"] = {"after": generator.choice([1e-9, 0.5, 3.0]), "pause": generator.choice([0.0, 0.3, 1e9])}
     group["behaviours"] = own
     if generator.random() < 0.2:
         group |= {"turns": False, "steepest": generator.choice([0.0, 0.5, 2.0])}
@@ -112,8 +110,6 @@ def behaviours(generator: random.Random) -> dict[str, Any]:
         found[name] = extremes(generator, bounds, generator.choice([0.0, 0.1, 0.5]))
     if generator.random() < 0.3:
         found["route_choice"] = {"every": 0.5}
-    if generator.random() < 0.4:
-        found["rest"] = {}
     if generator.random() < 0.3:
         found["response_time"] = {"time": generator.choice([0.0, 1.0, 1e9])}
     return found

@@ -117,8 +117,8 @@ def test_a_force_that_fails_is_named(tmp_path, method):
 
 
 def test_a_plan_knows_what_a_behaviour_does_at_ticks():
-    case = load_case("square_room", {"behaviours.route_choice": {"change_at": 1.0, "change_to": "shortest"}})
-    (row,) = [part.as_row() for part in Simulation(case).plan if part.name == "behaviour: route_choice"]
+    case = load_case("square_room", {"behaviours.walking": {}})
+    (row,) = [part.as_row() for part in Simulation(case).plan if part.name == "behaviour: walking"]
     assert row[2] == "at every tick"
 
 
