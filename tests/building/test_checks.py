@@ -55,6 +55,9 @@ def test_stair_that_joins_nothing_is_refused(mesh, read):
     mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, 2).rectangle(8.1, 0, 12.1, 2, 2)
     with pytest.raises(BuildingError, match=r"stair 'stair 1' at \(.*z = 0.00 to 2.00, .*'floor z=0.00'"):
         read(mesh, exits=[EXIT])
+    mesh.points = [tuple(1000.0 * x for x in point) for point in mesh.points]
+    with pytest.raises(BuildingError, match=r"joins only .*; the building measures .*building\.scale = 0\.001"):
+        read(mesh, exits=[EXIT])
 
 
 def test_ramp_to_an_exit_joins_something(mesh, read):

@@ -60,9 +60,10 @@ def test_a_stair_too_steep_is_refused_with_the_length_it_needs():
 
 
 @pytest.mark.parametrize(("x", "kind"), [(-0.25, "assumed"), (-0.4, "warning")])
-def test_floor_added_up_to_an_exit_outside_is_reported(x, kind):
+@pytest.mark.parametrize("ends", [(7, 8), (8, 7)])
+def test_floor_added_up_to_an_exit_outside_is_reported(x, kind, ends):
     plan = two_storeys()
-    plan.exit("outside", "ground", [(x, 7), (x, 8)])
+    plan.exit("outside", "ground", [(x, y) for y in ends])
     (found,) = [one for one in plan.building().findings if "'outside'" in one.text]
     assert (found.kind, found.level, found.place) == (kind, "ground", (x, 7.5))
     assert f"{-x:.2f} m" in found.text

@@ -89,6 +89,8 @@ def test_an_upright_wall_may_zigzag_in_plan(tmp_path):
     path = tmp_path / "a.obj"
     path.write_text("v 0 0 0\nv 4 0.001 0\nv 3.9 -0.001 3\nv 0.1 0.002 3\nf 1 2 3 4\n")
     assert read_mesh(path).triangles.shape == (2, 3)
+    path.write_text("v 0 0 0\nv 4 0 0\nv 3 0 3\nv 1 0 -1\nv 0 0 3\nf 1 2 3 4 5\n")  # it crosses itself
+    assert read_mesh(path).triangles.tolist() == [[0, 4, 3], [0, 3, 2], [0, 2, 1]]
 
 
 def vtu(path, *pieces, data=""):
@@ -151,6 +153,11 @@ def test_gmsh_22_with_negative_groups(tmp_path, stair_mesh):
         ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2 5\n", "vertex 5, .* 2"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1e300 0\nf 1 2 3\n", r"vertex 3 .* 1e\+11"),
         ("a.obj", "v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", "vertex 2"),
+        (
+            "a.obj",
+            "v 1 2 5\nv 5 2 5\nv 1 4 5\nv 5 4 5\nf 1 2 3 4\n",
+            r"polygon at \(1\.00, 2\.00, 5\.00\) crosses itself",
+        ),
         ("a.stl", "nothing", "cannot be read"),
         ("a.vtu", "nothing", "cannot be read"),
         ("a.vtu", "", "the file is empty"),

@@ -73,6 +73,12 @@ def test_a_door_drawn_beside_its_wall_is_the_interruption_of_the_wall(off):
         np.testing.assert_allclose(sorted(door[::2]), [4.0, 5.0], atol=1e-3)
 
 
+def test_a_door_ends_at_a_corner_that_is_almost_opposite():
+    lines = [LineString([(0, 0), (4.0006, 0), (8, 0), (8, 3), (0, 3), (0, 0)]), LineString([(4, 3), (4, 1)])]
+    found = rooms_of([*lines, LineString([(4.0006, 0), (4.0006, -3), (9, -3)])], gap=0.1, door=2.5, wall=0.1)
+    assert found.between.tolist() == [[4.0, 1.0, 4.0006, 0.0]]
+
+
 def test_what_is_wider_than_a_door_is_none():
     assert rooms_of(SINGLE, gap=0.1, door=0.9, wall=0.1).floor.area == 0.0
 

@@ -173,7 +173,9 @@ def _places(source: str, operators: dict[str, Operator]) -> dict[str, list[tuple
 
 
 def _is_annotation(node: Any) -> bool:
-    """Return whether a node is in an annotation or a decorator."""
+    """Return whether a node is in an annotation or a decorator, or parts the parameters of a function."""
+    if node.type == "operator" and node.parent.type == "parameters":
+        return True
     while node is not None:
         if node.type in ("annassign", "tfpdef", "decorator") or (node.type == "param" and node.annotation is not None):
             return True
