@@ -103,27 +103,3 @@ def test_all_files_of_a_run_are_in_its_bundle(evac, tmp_path):
     outside = {PurePosixPath(name).name for name in names if name.startswith("files/")}
     assert {"given.py", "offices.wkt", "office_fire.smv"} <= outside
     assert sum(name.endswith(".sf") for name in outside) == 20
-
-
-def test_the_files_of_a_plan_file_and_tables_of_smoke_are_in_the_bundle(evac, tmp_path):
-    case, elsewhere = tmp_path / "case", tmp_path / "elsewhere"
-    (case / "data").mkdir(parents=True)
-    elsewhere.mkdir()
-    (elsewhere / "hall.wkt").write_text("POLYGON ((0 0, 12 0, 12 8, 0 8, 0 0))", encoding="utf-8")
-    (case / "data" / "smoke.csv").write_text("time,level,extinction\n0,hall,0\n300,hall,2\n", encoding="utf-8")
-    (elsewhere / "building.plan.toml").write_text(
-        '[[storeys]]\nname = "hall"\nz = 0.0\nfile = "../elsewhere/hall.wkt"\n'
-        '[[exits]]\nname = "door"\nstorey = "hall"\nsegment = [[12, 4], [12, 6]]\n',
-        encoding="utf-8",
-    )
-    (case / "case.toml").write_text(
-        '[building]\nmesh = "../elsewhere/building.plan.toml"\n[contact]\nmodel = "nsm2"\n'
-        '[[people]]\nname = "adults"\npreset = "adult"\nnumber = 5\nlevel = "hall"\n'
-        '[[conditions]]\nsource = "prescribed"\nfile = "data/smoke.csv"\n'
-        "[output]\npicture = false\nreplay = false\nanimation = false\n",
-        encoding="utf-8",
-    )
-    out = tmp_path / "result"
-    assert evac("run", case / "case.toml", "--out", out) == 0
-    names = repeated_from_the_bundle(evac, out, tmp_path / "unpacked")
-    assert {"data/smoke.csv", "files/1/building.plan.toml", "files/1/hall.wkt"} <= names

@@ -11,7 +11,7 @@ from urllib.request import urlopen
 
 import numpy as np
 
-from evac.folder.files import TRAJECTORY_NAME, replacing
+from evac.folder.files import TRAJECTORY_NAME
 from evac.trajectory.trajectory import read_trajectory
 
 FILES = {
@@ -95,31 +95,6 @@ def evac_behaviours():
 """
 
 
-def test_takes_a_folder_and_a_file(evac, tmp_path):
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "room.obj").write_text("v 0 0 0\nv 6 0 0\nv 6 4 0\nv 0 4 0\nf 1 2 3 4\n")
-    text = """
-[building]
-mesh = "room.obj"
-[[building.exits]]
-name = "door"
-segment = [[0, 1], [0, 3]]
-z = 0
-[[people]]
-name = "one"
-positions = [[3, 2]]
-z = 0
-[contact]
-model = "dem"
-"""
-    (tmp_path / "mine" / "case.toml").write_text(text)
-    (tmp_path / "mine" / "alone.toml").write_text(text)
-    assert evac("run", "mine") == 0
-    assert evac("run", "mine/alone.toml") == 0
-    mine, alone = (tmp_path / f"{name}-result" / TRAJECTORY_NAME for name in ("mine", "alone"))
-    assert mine.read_bytes() == alone.read_bytes()
-
-
 def test_seed_and_set_change_the_case(evac, tmp_path):
     evac("run", "square_room", "--out", "a", "--seed", 5, "--set", *QUIET)
     evac("run", "square_room", "--out", "b", "--set", "simulation.seed=5", "contact.model=nsm2", *QUIET)
@@ -132,42 +107,11 @@ def test_seed_and_set_change_the_case(evac, tmp_path):
     assert a.position.shape != c.position.shape or not np.array_equal(a.position, c.position, equal_nan=True)
 
 
-def test_a_result_folder_is_overwritten_and_nothing_else(evac, tmp_path):
-    evac("run", "square_room", "--out", "r")
-    (tmp_path / "r" / "notes.txt").write_text("mine")
-    (tmp_path / "r" / "frames" / "own.vtp").write_text("mine")
-    (tmp_path / "r" / "film.gif").write_text("mine")
-    with replacing(tmp_path / "r" / "picture.png", "the picture") as new:
-        new.write_text("drawn by evac render, of the run before")
-    quiet = ["output.animation=false", "output.picture=false"]
-    assert evac("run", "square_room", "--out", "r", "--set", "simulation.duration=2", *quiet) == 3
-    names = {path.name for path in (tmp_path / "r").iterdir()}
-    assert names == {*BARE, TRAJECTORY_NAME, "frames", "notes.txt", "film.gif"}
-    assert [path.name for path in (tmp_path / "r" / "frames").iterdir()] == ["own.vtp"]
-
-
 def test_bad_input_leaves_earlier_results_alone(evac, tmp_path):
     evac("run", "square_room", "--out", "r", "--set", *QUIET)
     before = (tmp_path / "r" / "summary.json").read_bytes()
     assert evac("run", "square_room", "--out", "r", "--set", "people.people.number=5000") == 2
     assert (tmp_path / "r" / "summary.json").read_bytes() == before
-
-
-def test_a_plugin_file_is_used(evac, tmp_path):
-    plugin = tmp_path / "counting.py"
-    plugin.write_text(
-        """
-from evac import hookimpl
-evac_interface = 3
-
-@hookimpl
-def evac_metrics(results):
-    return {"twice": 2 * results.number_of_people}
-"""
-    )
-    assert evac("run", "square_room", "--out", "r", "--plugin", plugin, "--set", *QUIET) == 0
-    metrics = json.loads((tmp_path / "r" / "summary.json").read_text())["metrics"]
-    assert metrics[str(plugin)] == {"twice": 40}
 
 
 def _heed_interrupts():

@@ -10,7 +10,7 @@ from evac.evidence.scaling import commands
 from evac.evidence.scaling.halls import DOOR, RADIUS, doors_along, make_hall, nearest_door
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
 from evac.evidence.scaling.page import STEP
-from evac.evidence.scaling.walks import JAMMED, LONGEST, SETTLING, TICK, Walk, make_variant
+from evac.evidence.scaling.walks import Walk, make_variant
 from evac.physics.state import SKIN, copy_of
 
 
@@ -49,20 +49,6 @@ def test_the_nearest_door_is_that_whose_middle_is_nearest_along_the_wall():
     np.testing.assert_allclose(0.5 * (low + high), [5.0, 15.0, 25.0, 35.0])
     places = np.array([0.0, 9.9, 10.1, 24.0, 29.9, 40.0])
     assert nearest_door(40.0, places).tolist() == [0, 0, 1, 2, 2, 3]
-
-
-def test_a_jam_is_a_crowd_that_has_come_to_a_crawl():
-    walk = Walk(make_hall(200, 5.0, 1), STEP)
-    assert walk.pace == 0.0
-    walk.advance(make_variant("NSM1 inertial", STEP).model, 5)
-    assert walk.pace > JAMMED
-    jam = Walk(make_hall(200, 5.0, 1), STEP)
-    variant = make_variant("NSM1 inertial", STEP)
-    assert jam.into_a_jam(variant) == "jam"
-    assert SETTLING * TICK < jam.time < LONGEST
-    assert jam.pace < walk.pace
-    # Walked to the jam roughly, settled and timed as shipped.
-    assert variant.rough.gap_tolerance > variant.model.gap_tolerance
 
 
 def in_the_middle(hall, reach):
@@ -116,13 +102,3 @@ def test_towers_of_whole_commands_are_without_findings_and_everybody_gets_out():
     assert {"west", "east"} <= set(building.shafts)
     assert len(building.doors) == 2 * 12
     assert simulation.run().ended == "everybody out"
-
-
-@pytest.mark.slow
-def test_whole_commands_of_each_kind_are_timed_with_their_growth():
-    rows = list(commands.command_rows((2, 3), (8, 16), (2, 3), (4, 8), (2, 3)))
-    assert {row["command"].split()[1] for row in rows} == {"check", "run", "report", "repeat", "import"}
-    assert all(row["CPU [s]"] > 0.1 and row["peak memory [MB]"] > 50.0 for row in rows)
-    grown = [row for row in rows if row["growth"] is not None]
-    sizes = "3 storeys", "3 storeys", "3 exits", "3 routes", "3 classes", "16 people", "16 people", "3 runs", "8 rooms"
-    assert [row["size"] for row in grown] == [*sizes]

@@ -45,19 +45,6 @@ def test_numbers_and_names_do_not_cover_each_other(building):
     assert all(figure.axes[0].bbox.count_contains([(box.x0, box.y0), (box.x1, box.y1)]) == 2 for box in boxes)
 
 
-def test_long_names_of_exits_on_a_short_side_are_inside_and_do_not_cover_each_other():
-    plan = Plan()
-    plan.storey("ground", shapely.box(0, 0, 24, 12))
-    for name, y in (("the front entrance from the street", 2), ("the side entrance from the yard", 8)):
-        plan.exit(name, "ground", [(24, y), (24, y + 1)])
-    figure = levels_figure(plan.building(), greatest=(3.5, 3.0))
-    figure.canvas.draw()
-    axes = figure.axes[0]
-    one, other = boxes = [text.get_window_extent() for text in axes.texts]
-    assert not one.overlaps(other)
-    assert all(axes.bbox.padded(1.0).count_contains([box.p0, box.p1]) == 2 for box in boxes)
-
-
 def test_marks_and_findings_are_in_the_picture(building, tmp_path):
     findings = [
         Finding("warning", "a narrow place", "ground", (10.0, 3.0)),

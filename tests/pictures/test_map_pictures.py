@@ -13,7 +13,7 @@ from evac.analysis.maps import QUANTITIES
 from evac.base.errors import ResultError
 from evac.pictures import palette
 from evac.pictures.floorplan import draw_plans
-from evac.pictures.map_pictures import NEVER, draw_cut, draw_difference, draw_maps, write_maps
+from evac.pictures.map_pictures import NEVER, draw_cut, draw_maps, write_maps
 from evac.trajectory.trajectory import read_trajectory
 
 
@@ -82,13 +82,6 @@ def test_plans_share_one_scale_and_one_frame(building):
         assert box.width * width / wide == pytest.approx(box.height * height / high, rel=1e-6)
 
 
-def test_ticks_of_people_are_whole_numbers(written):
-    figure = next(draw_maps(written([[[3.0, 3.0]], [[4.0, 3.0]]]), ["usage"]))
-    ticks = [float(label.get_text()) for label in figure.axes[-1].get_yticklabels()]
-    assert len(ticks) > 1
-    assert ticks == np.round(ticks).tolist()
-
-
 @pytest.mark.parametrize("beside", [-1.0, 0.5, 9.0])
 def test_the_name_of_an_exit_is_not_written_over_the_colour_bar_of_a_cut(trajectory, beside):
     """The right edge of the cut is beside the exit by so much [m], and its name is at the right of the exit."""
@@ -103,16 +96,6 @@ def test_the_name_of_an_exit_is_not_written_over_the_colour_bar_of_a_cut(traject
     edge = round(figure.axes[0].get_window_extent().x1) + 2
     assert has_colour(pixels(figure)[:, edge:], palette.EXIT, 40) == 0.0
     assert figure.axes[0].get_aspect() == 1.0
-
-
-@pytest.mark.parametrize("quantity", ["max_density", "waiting", "contact_pressure"])
-def test_the_label_of_a_difference_is_in_the_picture_of_a_low_building(trajectory, quantity):
-    maps = trajectory.maps(spacing=0.5)
-    figure = draw_difference(trajectory.building, maps, maps, quantity, greatest=(5.4, 2.0))
-    figure.canvas.draw()
-    label = figure.axes[-1].yaxis.label.get_window_extent()
-    assert figure.bbox.x0 <= label.x0 < label.x1 <= figure.bbox.x1
-    assert figure.bbox.y0 <= label.y0 < label.y1 <= figure.bbox.y1
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -8,17 +8,14 @@ import pytest
 import shapely
 from PIL import Image
 
-import evac
 from evac.base.errors import ResultError
 from evac.building.model.building import Place
 from evac.building.model.links import close_links
 from evac.pictures import palette
-from evac.pictures.floorplan import draw_plans
 from evac.pictures.render import HIDDEN, Renderer, draw_people, render_animation, render_picture
 from evac.pictures.scales import COLOURINGS, colouring
 from evac.pictures.scene import MARGIN, view_of
 from evac.pictures.view import Camera, aim
-from evac.simulation.assembly import make_building
 from evac.trajectory.trajectory import building_to_json, read_trajectory
 from evac.trajectory.writer import TrajectoryWriter
 from tests.three_storeys import crowd_at
@@ -158,12 +155,6 @@ def test_film_has_as_many_pictures_as_its_speed_asks_for(trajectory, tmp_path):
     assert all((a != b).any() for a, b in pairwise(pictures))
 
 
-def test_frame_without_people_is_drawn(descent, tmp_path):
-    empty = read_trajectory(descent(people=1, frames=1).path)
-    render_picture(Renderer(empty, SIZE), tmp_path / "empty.png")
-    assert np.asarray(Image.open(tmp_path / "empty.png")).std() > 5.0
-
-
 def closed(path, *names):
     """A trajectory of nobody, with links of the building closed."""
     building = close_links(read_trajectory(path).building, names)
@@ -210,29 +201,3 @@ def test_places_are_drawn_in_three_dimensions(building):
     bare, drawn = (view_of(one, SIZE, camera, levels, MARGIN) for one in (building, replace(building, places=places)))
     assert {label.text for label in drawn.labels} - {label.text for label in bare.labels} == set(map(str, places))
     assert (bare.image != drawn.image).any(axis=2).mean() > 0.002
-
-
-def test_names_of_floors_are_left_of_stairs(building):
-    view = view_of(building, SIZE, Camera(), building.levels, MARGIN)
-    names = {level.name for level in building.levels if level.kind == "floor"}
-    lefts = [
-        view.project(np.full(len(rows), level.index), building.vertices[rows])[:, 0].min()
-        for level in building.levels
-        for rows in [np.unique(level.triangles)]
-    ]
-    placed = [label.place[0] for label in view.labels if label.text in names]
-    assert len(placed) == 3
-    assert max(placed) < min(lefts)
-
-
-def test_names_of_storeys_cover_no_name_of_an_exit():
-    plan = {
-        "storeys": [{"name": "Ground", "z": 0.0, "polygons": [[[0, 0], [18, 0], [18, 10], [0, 10]]]}],
-        "exits": [{"name": "North", "storey": "Ground", "segment": [[2, 10], [1, 10]]}],
-    }
-    people = [{"name": "a", "preset": "adult", "number": 1, "level": "Ground"}]
-    case = evac.load({"building": {"plan": plan}, "people": people, "contact": {"model": "nsm2"}})
-    plans = draw_plans(make_building(case), None, greatest=(3.0, 3.0))
-    (name,), (exit_,) = plans.names, plans.axes[0].texts
-    assert (name.get_text(), exit_.get_text()) == ("Ground", "North")
-    assert not name.get_window_extent().overlaps(exit_.get_window_extent())

@@ -140,15 +140,3 @@ def test_blocked_runs_have_a_banner_and_are_not_averaged_away(repeated, tmp_path
     assert shown["maximum"][0] == "not reached"
     assert shown["mean"][0] == f"{np.mean(found.times(0)[np.isfinite(found.times(0))]):.2f}"
     assert [row[-1] for row in page.table("Every run")[1:]].count("people left") == blocked
-
-
-def test_a_sweep_has_its_points(tmp_path):
-    case = load_case("square_room", CASE)
-    found = evac.sweep(case, {"people.0.name": ["a", "<b>"]}, 2, folder=tmp_path / "sweep", workers=1)
-    page = Page(study_report(found.folder))
-    means = [of.mean.words() for of in found.statistics]
-    assert found.plot().axes[0].get_legend_handles_labels()[1] == [point.label for point in found.points]
-    assert [row[:3] for row in page.table("at each point")[1:]] == [["0", "a", means[0]], ["1", "<b>", means[1]]]
-    assert "points" in page.of("id")
-    assert "people.0.name\na\n<b>\n" in page.text
-    assert len(page.of("src")) == 3  # the plan, and a curve of each point

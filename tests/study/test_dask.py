@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -58,22 +57,3 @@ def test_a_worker_that_is_killed_changes_no_row(cluster, tmp_path):
     assert study.table().equals(local.table())
     for name in ("summary.json", "statistics.csv"):
         assert (tmp_path / "dask" / name).read_bytes() == (tmp_path / "local" / name).read_bytes()
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-def test_a_scheduler_that_is_killed_ends_the_study_with_one_line(cluster, tmp_path):
-    file, (scheduler, *_) = cluster
-    command = ["-m", "evac", "repeat", "square_room", "--runs", "400", "--set", "people.people.number=8"]
-    study = subprocess.Popen(
-        [sys.executable, "-P", *command, "--dask", file, "--out", tmp_path / "r"], stderr=subprocess.PIPE, text=True
-    )
-    rows = tmp_path / "r.running" / "runs.arrows"
-    while study.poll() is None and not (rows.exists() and rows.stat().st_size > 20_000):
-        time.sleep(0.05)
-    scheduler.kill()
-    _, said = study.communicate(timeout=60)
-    assert study.returncode not in (0, 70)
-    lines = [line for line in said.splitlines() if line.startswith("evac: ") and "--resume" in line]
-    assert len(lines) == 1
-    assert "Traceback" not in said

@@ -2,7 +2,6 @@
 
 import concurrent.futures
 import csv
-import gc
 import json
 import textwrap
 from dataclasses import replace
@@ -118,12 +117,6 @@ def test_a_changed_building_or_plugin_does_not_go_on(case, tmp_path):
     mesh.write_text(case.mesh.read_text() + "\n")
     with pytest.raises(ResultError, match="building"):
         evac.repeat(own, 2, folder=tmp_path / "r", resume=True)
-
-
-def test_rows_are_read_of_a_study_that_is_not_kept(case):
-    rows = evac.repeat(case, 2, workers=1).rows(columns=["seed"])
-    gc.collect()
-    assert [row["seed"] for row in rows] == [5, 6]
 
 
 def test_rows_of_a_stopped_study_are_not_overwritten(case, tmp_path):
@@ -271,12 +264,6 @@ def with_plugin(tmp_path, act, **changes):
     path.write_text(textwrap.dedent(FAILING).format(act=act))
     few = {"people.people.number": 3, "behaviours.odd": {}, "output.picture": False}
     return evac.load("square_room", few | changes, plugin_files=[path])
-
-
-def test_a_run_that_fails_tells_its_seed(tmp_path):
-    with pytest.raises(PluginError, match="oops") as caught:
-        evac.repeat(with_plugin(tmp_path, "raise ValueError('oops')", **{"simulation.seed": 8}), 1, workers=1)
-    assert caught.value.__notes__ == ["in the run with simulation.seed = 8"]
 
 
 #: With this drive the seeds are refused that draw a relaxation time of at most half a step.

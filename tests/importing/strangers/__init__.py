@@ -9,5 +9,4 @@ FORMATS = {
     "fds": solids.fds,
     "dxf": drawings.dxf,
     "ifc": solids.ifc,
-    "obj": solids.obj,
 }

@@ -1,10 +1,9 @@
-"""Strangers of known truth as bodies: meshes in OBJ and STL, decks of FDS, and IFC."""
+"""Strangers of known truth as bodies: decks of FDS, and IFC."""
 
 import math
 import random
 
 import numpy as np
-import shapely
 from shapely import box
 from shapely.geometry.polygon import orient
 
@@ -12,82 +11,8 @@ from tests.ifcfiles import IfcFile
 from tests.importing.strangers.judge import Stranger
 from tests.importing.strangers.truth import building
 
-#: Thickness of slabs, clear height of walls beside doors, and height of a table [m].
-SLAB, CLEAR, TABLE = 0.25, 2.1, 0.75
-
-
-def _extruded(shape, low, high):
-    """Return triangles (n, 3, 3) of the closed body above a polygon."""
-    found = []
-    for polygon in getattr(shape, "geoms", [shape]):
-        polygon = orient(polygon)
-        for triangle in shapely.constrained_delaunay_triangles(polygon).geoms:
-            a, b, c = np.array(orient(triangle).exterior.coords)[:3]
-            found += [[(*p, high) for p in (a, b, c)], [(*p, low) for p in (c, b, a)]]
-        for ring in (polygon.exterior, *polygon.interiors):
-            for (x1, y1), (x2, y2) in zip(ring.coords, ring.coords[1:], strict=False):
-                found.append([(x1, y1, low), (x2, y2, low), (x2, y2, high)])
-                found.append([(x1, y1, low), (x2, y2, high), (x1, y1, high)])
-    return np.array(found)
-
-
-def _bodies(truth, rng):
-    """Return bodies (name, polygon, low, high): slabs, walls, lintels, stairs, roof and furniture."""
-    found = []
-    top = len(truth.storeys) - 1
-    riser = truth.stairs[0].treads[0][1]
-    for k, storey in enumerate(truth.storeys):
-        holes = [stair.footprint for stair in truth.stairs if stair.lower == k - 1]
-        found.append((f"Slab_{k}", storey.outline - shapely.union_all(holes), storey.z - SLAB, storey.z))
-        shafts = shapely.union_all([r.polygon for r in storey.rooms if r.use == "lift"])
-        ceiling = storey.z + truth.height - SLAB
-        found.append((f"Walls_{k}", shapely.union_all([storey.wall_bodies, shafts]), storey.z, ceiling))
-        found += [(f"Lintel_{d.name}", d.strip - shafts, storey.z + CLEAR, ceiling) for d in storey.doors]
-        for room in storey.rooms:
-            if room.use == "office" and rng.random() < 0.4:
-                x, y = room.polygon.centroid.coords[0]
-                found.append(
-                    (f"Table_{room.name}", box(x, y, x + 1, y + 0.7), storey.z + TABLE - 0.04, storey.z + TABLE)
-                )
-    for stair in truth.stairs:
-        z = truth.storeys[stair.lower].z
-        for i, (tread, up) in enumerate(stair.treads + stair.landings):
-            found.append((f"Stair_{stair.lower}_{stair.well[-1]}_{i}", tread, z + up - riser, z + up))
-    outline = truth.storeys[top].outline
-    found.append(("Roof", outline, (top + 1) * truth.height - SLAB, (top + 1) * truth.height))
-    return found
-
-
-def _mesh(seed, units):
-    """Return a truth, the triangles of each body in the coordinates of the file, and the option for y upwards."""
-    rng = random.Random(seed)
-    truth = building(seed, lifts=seed % 3 == 0)
-    unit, y_up = rng.choice(units), rng.random() < 0.5
-    bodies = []
-    for name, shape, low, high in _bodies(truth, rng):
-        if shape.is_empty:
-            continue
-        points = _extruded(truth.placed(shape), low, high)
-        if y_up:
-            points = points[..., [0, 2, 1]] * [1, 1, -1]
-        bodies.append((name, points / unit))
-    return rng, truth, bodies, {"up": "y"} if y_up else {}
-
-
-def obj(seed, folder):
-    """OBJ as modellers write it: an object for each body, normals and texture coordinates, vertices of its own."""
-    rng, truth, bodies, options = _mesh(seed, [1.0, 0.001, 0.01, 0.3048, 0.0254])
-    lines = ["# Exported", "mtllib house.mtl", "vt 0 0", "vn 0 0 1"]
-    count, word = 0, rng.choice(["o", "g"])
-    for name, triangles in bodies:
-        lines += [f"{word} {name}", "usemtl Concrete", "s off"]
-        for triangle in triangles:
-            lines += [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in triangle]
-            lines.append("f " + " ".join(f"{count + i}/1/1" for i in (1, 2, 3)))
-            count += 3
-    path = folder / f"house_{seed}.obj"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return Stranger(truth, [path], exits=False, options=options)
+#: Thickness of slabs, and clear height of walls beside doors [m].
+SLAB, CLEAR = 0.25, 2.1
 
 
 def fds(seed, folder):
