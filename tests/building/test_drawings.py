@@ -50,10 +50,6 @@ def test_two_flights_side_by_side_turn_at_the_wall():
     assert stair.foot[:, 0].tolist() == stair.head[:, 0].tolist() == [2.24, 2.24]
 
 
-def test_flights_that_are_not_side_by_side_are_stairs_of_their_own():
-    assert len(stairs_of(flights_of([*treads(), *treads(at=(20.0, 0.0)), *treads(at=(0.0, 9.0))]), [])) == 3
-
-
 def test_plans_are_numbered_in_rows_wherever_they_begin():
     low = [(0, 40), (30, 49), (60, 31), (0, 0), (30, 9)]  # those of a row are not level with each other
     found = plans_of([shapely.box(x, y, x + 20, y + 15).exterior for x, y in np.array(low)[[4, 2, 0, 3, 1]]])

@@ -7,6 +7,7 @@ import shapely
 from evac import BuildingError, import_building, read_building
 
 RISER, GOING = 3.0 / 18, 0.28
+UPRIGHT, Y_UPWARDS = np.eye(3), np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 
 class Model:
@@ -26,19 +27,18 @@ class Model:
         self.points += [(x1, y1, z), (x2, y1, z), (x2, y2, z), (x1, y2, z)]
         self.faces.append([first, first + 1, first + 2, first + 3])
 
-    def read(self, folder, *, rng=None, swap=False, **options):
-        points = np.array(self.points, dtype=float)
-        if swap:  # y upwards
-            points = np.column_stack([points[:, 0], points[:, 2], -points[:, 1]])
-        faces = list(self.faces)
+    def write(self, folder, turn=UPRIGHT, rng=None):
+        points, faces = np.array(self.points, dtype=float) @ turn, list(self.faces)
         if rng is not None:
             faces = [faces[k][::-1] if rng.random() < 0.5 else faces[k] for k in rng.permutation(len(faces))]
             faces += [faces[k] for k in rng.integers(len(faces), size=3)]
         lines = ["v " + " ".join(map(repr, point)) for point in points.tolist()]
         lines += ["f " + " ".join(str(corner + 1) for corner in face) for face in faces]
-        path = folder / "a.obj"
-        path.write_text("\n".join(lines))
-        return read_building(path, need_exit=False, **options)
+        (folder / "a.obj").write_text("\n".join(lines))
+        return folder / "a.obj"
+
+    def read(self, folder, turn=UPRIGHT, rng=None, **options):
+        return read_building(self.write(folder, turn, rng), need_exit=False, **options)
 
 
 def levels(building):
@@ -81,7 +81,7 @@ def test_a_house_of_solid_bodies(house, tmp_path, seed):
 
 
 def test_y_upwards_is_turned(house, tmp_path):
-    assert levels(house.read(tmp_path, swap=True, up="y")) == levels(house.read(tmp_path))
+    assert levels(house.read(tmp_path, Y_UPWARDS, up="y")) == levels(house.read(tmp_path))
     with pytest.raises(BuildingError, match=r"up"):
         house.read(tmp_path, up="x")
 
@@ -91,6 +91,7 @@ def test_without_headroom_solid_slabs_are_refused_with_a_place(house, tmp_path):
         house.read(tmp_path, headroom=0.0, treads=False)
 
 
+@pytest.mark.usefixtures("unpictured")
 @pytest.mark.parametrize(
     ("unit", "height", "thick", "slabs", "scale"),
     [
@@ -111,10 +112,7 @@ def test_units_are_recognised_by_the_heights_of_storeys_and_the_thickness_of_wal
     for z in (0, *slabs):
         model.box(0, 0, z - 0.2, 12, 8, z)
     turn = np.array([[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1]]) * unit
-    lines = ["v " + " ".join(map(repr, point)) for point in (np.array(model.points) @ turn).tolist()]
-    lines += ["f " + " ".join(str(corner + 1) for corner in face) for face in model.faces]
-    (tmp_path / "a.obj").write_text("\n".join(lines))
-    made = import_building([tmp_path / "a.obj"], tmp_path / "case", partial=True)
+    made = import_building([model.write(tmp_path, turn)], tmp_path / "case", partial=True)
     ground = sum(level.polygon.area for level in made.building.levels if level.z_min < 1.0)
     assert ground == pytest.approx(12 * 8 * (unit * scale) ** 2, rel=0.1)
     assert bool([one for one in made.findings if "scale)" in one.text]) == (scale != 1.0)
@@ -126,15 +124,14 @@ def test_a_mesh_without_a_floor_that_has_headroom_is_refused(tmp_path):
         model.box(x, 0, 0, x + 0.4, 8, 8.5)
     for z in (0, 2.7, 5.5):
         model.box(0, 0, z - 0.2, 12, 8, z)
-    lines = ["v " + " ".join(map(repr, point)) for point in np.array(model.points).tolist()]
-    lines += ["f " + " ".join(str(corner + 1) for corner in face) for face in model.faces]
-    (tmp_path / "a.obj").write_text("\n".join(lines))
     with pytest.raises(BuildingError, match=r"no face is a floor .*building\.headroom"):
-        import_building([tmp_path / "a.obj"], tmp_path / "case", options={"up": "y", "scale": 0.3048})
+        model.read(tmp_path, up="y", scale=0.3048)
 
 
-@pytest.mark.parametrize(("unit", "scale"), [(1.0, 1.0), (1000.0, 0.001), (1 / 0.0254, 0.0254), (1 / 0.3048, 0.3048)])
-@pytest.mark.parametrize("height", [2.8, 9.0])
+@pytest.mark.usefixtures("unpictured")
+@pytest.mark.parametrize(
+    ("unit", "scale", "height"), [(1.0, 1.0, 2.8), (1 / 0.0254, 0.0254, 2.8), (1000.0, 0.001, 9.0)]
+)
 def test_a_mesh_whose_y_axis_points_upwards_is_turned_if_its_walls_are_walls_then(tmp_path, unit, scale, height):
     model = Model()
     for low, high in (((0, 0), (10, 0.2)), ((0, 7.8), (10, 8)), ((0, 0.2), (0.2, 7.8)), ((9.8, 0.2), (10, 7.8))):
@@ -142,12 +139,8 @@ def test_a_mesh_whose_y_axis_points_upwards_is_turned_if_its_walls_are_walls_the
     model.box(5, 0.2, 0, 5.2, 4, height)
     for z in (0.0, height + 0.2):
         model.box(0, 0, z - 0.2, 10, 8, z)
-    points = unit * np.array(model.points) @ [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
-    lines = ["v " + " ".join(map(repr, point)) for point in points.tolist()]
-    lines += ["f " + " ".join(str(corner + 1) for corner in face) for face in model.faces]
-    (tmp_path / "a.obj").write_text("\n".join(lines))
     turned = {"up": "y", "scale": scale} if height > 5.0 else {}  # of a hall, nothing is known
-    made = import_building([tmp_path / "a.obj"], tmp_path / "case", options=turned)
+    made = import_building([model.write(tmp_path, unit * Y_UPWARDS)], tmp_path / "case", options=turned)
     assert sum(level.polygon.area for level in made.building.levels) == pytest.approx(9.6 * 7.6 - 0.2 * 3.8, rel=1e-3)
     assert bool([one for one in made.findings if "(up, scale)" in one.text]) == (not turned)
 

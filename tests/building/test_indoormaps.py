@@ -170,40 +170,6 @@ def test_openstreetmap_xml(tmp_path):
         read_building(tmp_path / "a.osm")
 
 
-@pytest.mark.parametrize(
-    ("width", "depth", "door", "number"),
-    [(3.0, 5.5, 1.0, 0), (6.0, 6.0, 2.5, 0), (6.0, 2.8, 2.5, 2)],  # the last door leads to the side of the flight
-)
-def test_a_stairwell_with_doors_has_a_stair_that_turns_and_the_door_of_a_lift_is_no_exit(
-    tmp_path, width, depth, door, number
-):
-    features, x1 = [], width
-    for ordinal in (0, 1):
-        level = f"l{ordinal}"
-        units = {
-            "walkway": box(0, 0, x1 + 9, 3),
-            "stairs": box(0, 3, x1, 3 + depth),
-            "elevator": box(x1, 3, x1 + 2, 5),
-            "room": box(x1 + 2, 3, x1 + 9, 8),
-        }
-        features.append(
-            feature(box(0, 0, x1 + 9, 9), id=level, feature_type="level", ordinal=ordinal, name={"en": level})
-        )
-        for category, shape in units.items():
-            features.append(feature(shape, id=level + category, feature_type="unit", category=category, level_id=level))
-        for x, y, category in ((door, 3, ""), (x1 + 0.5, 3, ""), (x1 + 3, 3, ""), (x1 + 8, 0, "pedestrian.principal")):
-            own = {"category": category or "pedestrian", "level_id": level}
-            if not (category and ordinal):
-                line = LineString([(x, y), (x + 0.9, y)])
-                features.append(feature(line, id=f"{level}{x}", feature_type="opening", **own))
-    (tmp_path / "a.geojson").write_text(collection(*features))
-    building = read_building(tmp_path / "a.geojson")
-    assert [level.kind for level in building.levels if level.stair].count("flight") == 2
-    assert [way.width for way in building.exits] == [pytest.approx(0.9, abs=0.01)]
-    assert any("a door to a lift" in one.text for one in building.findings)
-    assert sum(one.kind == "missing" for one in building.findings) == number
-
-
 @pytest.mark.parametrize("number", ["nan", "inf", "x", ""])
 def test_a_node_of_openstreetmap_without_a_place_is_refused_by_its_number(tmp_path, number):
     text = f"<osm><node id='7' lon='{number}' lat='0'><tag k='entrance' v='yes'/></node></osm>"

@@ -5,11 +5,9 @@ import pytest
 from shapely import box
 
 from evac.base.change import Control
-from evac.base.errors import BuildingError, EvacError, ResultError
+from evac.base.errors import BuildingError, ResultError
 from evac.building.model.links import close_links, levels_reaching, ways_onto, with_controls
 from evac.building.plan.plan import Plan
-from evac.case.loading import load_case
-from evac.simulation.simulation import Simulation
 from tests.three_storeys import three_storeys
 
 EXITS = [{"name": name, "segment": [[x, 0], [x, 2]], "z": z} for name, x, z in (("west", 0, 0.0), ("east", 26, 3.0))]
@@ -65,48 +63,6 @@ def test_levels_reach_exits_through_open_portals(building):
 def test_unknown_names_are_refused(stair_mesh, read):
     with pytest.raises(BuildingError, match=r"'stair 2'.*'stair 1'.*building.closed"):
         read(stair_mesh, exits=EXITS, closed=["stair 2"])
-
-
-CASE = """
-[building]
-mesh = "stair.obj"
-closed = {closed}
-[[building.exits]]
-name = "west"
-segment = [[0.0, 0.0], [0.0, 2.0]]
-z = 0.0
-[[building.exits]]
-name = "east"
-segment = [[26.0, 0.0], [26.0, 2.0]]
-z = 3.0
-[[people]]
-name = "visitors"
-positions = [[5.0, 1.0], [3.0, 1.0]]
-z = 0.0
-radius = 0.2
-mass = 80.0
-tau = 0.5
-speed = 1.3
-[contact]
-model = "nsm1"
-"""
-
-
-@pytest.mark.parametrize(("closed", "used"), [([], "west"), (["west"], "east"), (["stair 1"], "west")])
-def test_people_leave_by_what_is_open(stair_mesh, tmp_path, closed, used):
-    stair_mesh.write_obj(tmp_path / "stair.obj")
-    (tmp_path / "case.toml").write_text(CASE.format(closed=closed))
-    summary = Simulation(load_case(tmp_path / "case.toml")).run().summary()
-    assert {name: row["people"] for name, row in summary["exits"].items() if row["people"]} == {used: 2}
-    assert summary["stairs"]["stair 1"]["people"] == (2 if used == "east" else 0)
-
-
-def test_closing_the_only_way_is_refused_with_who_is_cut_off(stair_mesh, tmp_path):
-    stair_mesh.write_obj(tmp_path / "stair.obj")
-    (tmp_path / "case.toml").write_text(CASE.format(closed=["west", "stair 1"]))
-    with pytest.raises(EvacError, match="people") as caught:
-        Simulation(load_case(tmp_path / "case.toml"))
-    assert any("'floor z=0.00'" in note for note in caught.value.__notes__)
 
 
 def test_ways_onto_a_level_have_the_names_of_portals_and_of_the_stairs_behind_them():

@@ -98,20 +98,3 @@ def test_obj_with_texture_normals_groups_and_lines(u_stair, u_stair_path, tmp_pa
     path = tmp_path / "exported.obj"
     path.write_text("\n".join(lines))
     assert_same_building(u_stair, read_building(path, exits=[EXIT]))
-
-
-def test_turned_and_moved_in_single_precision(u_stair, u_stair_path, tmp_path):
-    points, triangles = read_plain(u_stair_path)
-    turn, move = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]]), np.array([300.0, -150.0])
-    points[:, :2] = points[:, :2] @ turn.T + move
-    points, triangles = unwelded(points, triangles)
-    path = tmp_path / "turned.stl"
-    meshio.Mesh(points, [("triangle", triangles)]).write(path, binary=True)
-    segment = np.array(EXIT["segment"]) @ turn.T + move
-    other = read_building(path, exits=[{"name": "out", "segment": segment, "z": 0.0}])
-    assert [level.name for level in other.levels] == [level.name for level in u_stair.levels]
-    assert [portal.levels for portal in other.portals] == [portal.levels for portal in u_stair.portals]
-    np.testing.assert_array_equal(other.wall_level, u_stair.wall_level)
-    back = np.column_stack([(other.walls[:, :2] - move) @ turn, (other.walls[:, 2:] - move) @ turn])
-    for wall, level in zip(u_stair.walls, u_stair.wall_level, strict=True):
-        assert np.abs(back[other.wall_level == level] - wall).max(axis=1).min() < 1e-4

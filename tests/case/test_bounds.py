@@ -8,7 +8,6 @@ from evac.base.errors import BuildingError, ScenarioError
 from evac.case.case import Case
 from evac.case.schema import SimulationSettings
 from evac.contract.registry import Registry
-from evac.directions.raster.grids import build_grids, count_nodes
 
 REGISTRY = Registry()
 
@@ -67,14 +66,6 @@ def test_what_cannot_be_meant_is_refused_by_its_key(key, value):
 def test_a_building_larger_than_any_is_refused():
     with pytest.raises(BuildingError, match=r"building\.scale"):
         evac.Simulation(evac.load("square_room", {"building.scale": 1e6}, registry=REGISTRY), will_run=False)
-
-
-@pytest.mark.parametrize("clearance", [0.0, 0.25, 2.0])
-@pytest.mark.parametrize("name", ["square_room", "classroom"])
-def test_nodes_are_counted_as_they_are_laid(name, clearance):
-    building = evac.Simulation(evac.load(name, registry=REGISTRY), will_run=False).building
-    grids = build_grids(building, 0.1, clearance)
-    assert count_nodes(building, 0.1, clearance) == pytest.approx(grids.size, rel=0.05)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 import contextlib
 import copy
-import json
 from pathlib import Path
 
 import numpy as np
@@ -161,25 +160,3 @@ def test_every_table_is_tried():
 
     # Lifts are those of a plan, see tests/building/test_lifts.py.
     assert {table_at(path, Case) for path in TABLES} == set(tables(Case)) - {LiftOptions}
-
-
-KINDS = {"forces": REGISTRY.forces, "behaviours": REGISTRY.behaviours, "recorders": REGISTRY.recorders}
-
-
-@pytest.mark.parametrize(
-    ("kind", "name"), [("contact", name) for name in REGISTRY.contact_models]
-    + [(kind, name) for kind, classes in KINDS.items() for name in classes]
-)  # fmt: skip
-def test_a_written_default_of_a_plugin_equals_an_omitted_one(load, kind, name):
-    classes = KINDS.get(kind, REGISTRY.contact_models)
-    make = {"contact": lambda case: [make_contact_model(case)], "forces": make_forces, "behaviours": make_behaviours,
-            "recorders": make_recorders}[kind]  # fmt: skip
-    table = {**copy.deepcopy(TABLE), "phase": [], "forces": {}, "behaviours": {}, kind: {name: {}}}
-    if kind == "contact":
-        table["contact"]["model"] = name
-    omitted = {one.name: repr(one.values()) for one in make(load(table))}
-    assert name in omitted
-    for key, parameter in classes[name].declared().items():
-        table[kind][name] = {key: parameter.default}
-        assert {one.name: repr(one.values()) for one in make(load(table))} == omitted
-        assert json.dumps(load(table).to_dict(), default=str)

@@ -97,15 +97,6 @@ def test_a_name_that_the_files_do_not_know_either_is_refused_when_they_have_run(
         run_plugin_files(case)
 
 
-@pytest.mark.parametrize(
-    "change", [{"contact.nsm2.stiff": 1}, {"contact.nsm2.iterations": 0}, {"output.evry": 1}], ids=str
-)
-def test_what_can_be_checked_is_checked_at_once(folder, change):
-    (key,) = change
-    with pytest.raises(ScenarioError, match=key.replace(".", r"\.")):
-        evac.load(folder, change)
-
-
 def _by_path(folder, place):
     return str(place / "odd.py")
 

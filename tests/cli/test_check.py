@@ -3,12 +3,10 @@
 import json
 import re
 import shutil
-from pathlib import Path
 
 import pytest
 
 import evac
-import evac_buildings
 from evac.cli.main import main
 from evac.results.ending import Stopped
 
@@ -26,14 +24,6 @@ def test_shows_the_building_and_the_people(evac, capsys):
     assert "People: 136." in out
     assert out.count("30.5") == 2  # the steepest slope of each stair
     assert err == ""
-
-
-def test_takes_a_mesh_alone(evac, capsys):
-    mesh = Path(evac_buildings.__file__).parent / "classroom" / "classroom.msh"
-    assert evac("check", mesh) == 0
-    out = capsys.readouterr().out
-    assert _lines(out, "door")[0] == ["door", "classroom", "0.5", "open"]
-    assert "People" not in out
 
 
 def test_a_mesh_without_exits_shows_where_one_can_be(evac, tmp_path, capsys):

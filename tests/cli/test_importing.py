@@ -34,13 +34,6 @@ def test_an_import_in_two_calls(evac, room, capsys, tmp_path):
     }  # fmt: skip
 
 
-def test_exits_can_be_given_one_by_one(evac, room, capsys):
-    assert evac("import", room, "--out", "case", "--exit", "1", "--exit", "3,4") == 0
-    facts = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines() if line.startswith(("e", "f")))
-    assert facts["exits"].strip() == "exit 1, exit 3, exit 4"
-    assert facts["findings"].strip() == "1 assumed, 1 found"
-
-
 def test_an_incomplete_building_is_refused_unless_it_is_wanted(evac, capsys, tmp_path):
     plan = Plan()
     for k in range(3):

@@ -25,35 +25,6 @@ def test_repeat_runs_seeds_and_says_how_certain_the_result_is(evac, tmp_path, ca
     assert ["percentile 50", f"{median['value']:.2f}", "-", f"3 runs; {note}"] in lines
 
 
-def test_a_study_goes_on_and_refuses_another_case(evac, tmp_path, capsys):
-    few = ("people.people.number=5", "output.picture=false")
-    assert evac("repeat", "square_room", "--runs", "2", "--jobs", "1", "--out", "r", "--set", *few) == 0
-    assert evac("repeat", "square_room", "--runs", "3", "--out", "r", "--resume", "--set", *few) == 0
-    assert "2 of 3 runs" in capsys.readouterr().err
-    with (tmp_path / "r" / "runs.csv").open() as file:
-        assert len(list(csv.DictReader(file))) == 3
-    assert evac("repeat", "square_room", "--out", "r", "--resume", "--set", "people.people.number=6") == 2
-    assert "case.people.0.number" in capsys.readouterr().err
-
-
-def test_runs_until_the_mean_is_known(evac, tmp_path, capsys):
-    few = ("people.people.number=5", "output.picture=false")
-    stop = ("--until", "30%", "--least", "4", "--most", "9", "--jobs", "1")
-    assert evac("repeat", "square_room", *stop, "--set", *few) == 0
-    assert re.search("mean .* after [4-9] runs", capsys.readouterr().err)
-    points = json.loads((tmp_path / "square_room-runs" / "summary.json").read_text())["points"]
-    assert points[0]["known"]
-    assert 4 <= points[0]["statistics"]["runs"] <= 9
-
-
-def test_repetitions_of_populations(evac, tmp_path, capsys):
-    few = ("people.people.number=4", "output.picture=false")
-    assert evac("repeat", "square_room", "--runs", "4", "--repetitions", "2", "--jobs", "1", "--set", *few) == 0
-    assert "populations" in capsys.readouterr().out
-    with (tmp_path / "square_room-runs" / "runs.csv").open() as file:
-        assert [row["population_seed"] for row in csv.DictReader(file)] == ["1", "1", "2", "2"]
-
-
 def test_half_the_step_is_shown_beside_the_interval(evac, tmp_path, capsys):
     few = ("people.people.number=1", "output.picture=false", "simulation.step=0.1")
     assert evac("repeat", "square_room", "--runs", "8", "--check-step", "--jobs", "1", "--set", *few, "--out", "r") == 0

@@ -10,7 +10,6 @@ import pytest
 import evac
 from evac.contract import hooks
 from evac.contract.registry import Registry
-from evac.export.exporter import export
 from tests.docs.conftest import table
 
 HOOKS = [name for name, item in vars(hooks).items() if name.startswith("evac_") and inspect.isfunction(item)]
@@ -69,6 +68,8 @@ KINDS = {
     "evac_smoke_laws": ("smoke_law", "SmokeLaw", "def speed(self, desired, extinction)"),
     "evac_recorders": ("recorder", "Recorder", ""),
     "evac_dispatchers": ("dispatcher", "Dispatcher", "def next_stop(self, car, calls, time)"),
+    "evac_importers": ("importer", "Importer", "suffixes = ('.mine',)\n        def read(self, path)"),
+    "evac_exporters": ("exporter", "Exporter", "suffix = '.mine'\n        def write(self, trajectory, path)"),
 }
 
 
@@ -78,32 +79,6 @@ def test_classes_are_registered(hook, plugin):
     text = CLASS.replace("def cutoff(self)", method) if method else CLASS
     registry = Registry([plugin(text.format(base=base, hook=hook))])
     assert issubclass(registry.get(kind, "mine"), getattr(evac, base))
-
-
-def test_evac_exporters(plugin, tmp_path):
-    """Runs are written in a format of one's own; a suffix that is none is refused."""
-    text = """
-        from evac import Exporter
-
-        class Mine(Exporter):
-            '''The number of frames.'''
-            name = "mine"
-            suffix = ".mine"
-
-            def write(self, trajectory, path):
-                path.write_text(str(len(trajectory)))
-                return [path]
-
-        @hookimpl
-        def evac_exporters():
-            return [Mine]
-        """
-    registry = Registry([plugin(text)])
-    evac.run(evac.load("square_room", {"simulation.duration": 1.0}), tmp_path / "result")
-    written = export(evac.read_trajectory(tmp_path / "result"), registry.get("exporter", "mine")())
-    assert [path.read_text() for path in written] == ["3"]
-    with pytest.raises(evac.PluginError, match=r"Mine\.suffix"):
-        Registry([plugin(text.replace('".mine"', '"MINE"'))])
 
 
 def test_evac_building_cases(plugin, tmp_path, root):
@@ -121,41 +96,6 @@ def test_evac_building_cases(plugin, tmp_path, root):
         """
     )
     assert evac.load("my_room", plugin_files=[path]).source == folder / "case.toml"
-
-
-def test_evac_importers(plugin, tmp_path):
-    """A file of a format of one's own is read, with the parameters that the case gives."""
-    path = plugin(
-        """
-        from evac import Importer, Parameter, SurfaceMesh
-
-        class Mine(Importer):
-            '''Rectangles: a line of two numbers for each.'''
-            name = "mine"
-            suffixes = (".mine",)
-            door = Parameter(1.0, "width of the door", unit="m", above=0)
-
-            def read(self, path):
-                x, y = map(float, path.read_text().split())
-                points = [[0, 0, 0], [x, 0, 0], [x, y, 0], [0, y, 0], [0, self.door, 0]]
-                return SurfaceMesh(points, [[0, 1, 2, 3]], {"floor:room": [True]}, {"exit:door": [[0, 4]]})
-
-        @hookimpl
-        def evac_importers():
-            return [Mine]
-        """
-    )
-    (tmp_path / "room.mine").write_text("5 5")
-    case = evac.load("square_room", {"building.mesh": str(tmp_path / "room.mine")}, plugin_files=[path])
-    assert [way.width for way in evac.Simulation(case).building.exits] == [1.0]
-    simulation = evac.Simulation(case.change({"importers.mine.door": 1.2}))
-    assert [way.width for way in simulation.building.exits] == [1.2]
-    assert any(plugin.startswith(str(path)) for plugin in simulation.results().plugins)
-    (tmp_path / "room.mine").write_text("5 x")
-    with pytest.raises(evac.BuildingError, match=r"room\.mine: "):
-        evac.Simulation(case)
-    with pytest.raises(evac.BuildingError, match=r"'\.mine'"):
-        evac.Simulation(case.change({"importers.mine": False}))
 
 
 def test_evac_configure(plugin):
