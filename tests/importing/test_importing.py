@@ -293,7 +293,7 @@ def test_wide_buildings_get_a_spacing_with_which_they_run(room, tmp_path, monkey
     assert import_building([room], tmp_path / "fine", exits=[1], spacing=0.05).fault
     neck = "POLYGON ((0 0, 6 0, 6 4, 3.1 4, 3.1 0.45, 3 0.45, 3 4, 0 4, 0 0))"  # which some are too wide for
     room.write_text(neck, encoding="utf-8")
-    made = import_building([room], tmp_path / "neck", exits=[1])
+    made = import_building([room], tmp_path / "neck", exits=[3])
     assert tomllib.loads(text_of(made, "case.toml"))["directions"]["spacing"] > spacing
 
 
