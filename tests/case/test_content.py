@@ -27,7 +27,9 @@ def test_a_byte_order_mark_of_utf_8_is_allowed(case_file, registry):
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-32", "latin-1", "cp500"])
 def test_other_encodings_are_refused(case_file, refusal, encoding):
     case_file.write_bytes(case_file.read_text().replace("Two", "Zwölf").encode(encoding))
-    assert refusal().startswith("case.toml: ")
+    told = refusal()
+    assert told.startswith("case.toml: ")
+    assert "line 2 contains byte 0xf6" in told or encoding != "latin-1"
 
 
 def test_a_file_too_large_is_not_read(case_file, refusal):
