@@ -389,21 +389,21 @@ class RouteField(Saved):
         for level in touched:
             grid = grids.levels[level]
             shape = grid.window.shape
-            halo = self._halos[level]
-            source = grid.source.ravel()[halo]
-            is_known = waves.state[source] == FINAL
             cost = waves.time[grid.packed]
             chosen = (self.march.solved[grid.packed] & np.isfinite(cost)).view(np.uint8)
             direction = self._direction[self._places[level]]
             label = waves.exit[grid.packed].reshape(shape) if self.is_local else ONE_LABEL
             if not self.is_local:
+                halo = self._halos[level]
+                source = grid.source.ravel()[halo]
+                is_known = waves.state[source] == FINAL
                 cost[halo[is_known]] = waves.time[source[is_known]]
             descend(cost.reshape(shape), label, chosen.reshape(shape), waves.spacing, direction)
             lead_through_doors(grid, cost.reshape(shape), direction)
         pairs = pairs_of(self._direction)
         for level in touched:
             to, from_ = self._fills[level]
-            pairs[self._in_fields(to)], waves.exit[to] = pairs[self._in_fields(from_)], waves.exit[from_]
+            pairs[to + self._shift[level]], waves.exit[to] = pairs[self._in_fields(from_)], waves.exit[from_]
             if not self.is_local:
                 grid = grids.levels[level]
                 known = waves.time[grid.packed].copy()

@@ -323,7 +323,8 @@ class Simulation(Saved):
         SimulationError, PluginError
             As `run`; a program has written what no person can have.
         """
-        check_types(act=(act, Callable | None))
+        if act is not None:
+            check_types(act=(act, Callable))
         self.population.check_written(len(self.fields.routes))
         self.loop.advance(act)
 

@@ -125,7 +125,8 @@ class Execution:
         spent, made = 0.0, 0
         while waiting and not self._pays(spent / max(made, 1), len(waiting)):
             task, begin = waiting.popleft(), time.perf_counter()
-            row = make_row(task, self._points[task.order.point].case, partial(self._tick, begin, waiting))
+            tick = partial(self._tick, begin, waiting) if self._workers > 1 else None
+            row = make_row(task, self._points[task.order.point].case, tick)
             spent, made = spent + time.perf_counter() - begin, made + 1
             if row.ended == INTERRUPTED:
                 waiting.appendleft(task)

@@ -18,11 +18,11 @@ from evac.directions.march.waves import APART, FAR, FINAL, MarchState, march_wav
 from evac.directions.raster.grids import BuildingGrids
 from evac.directions.raster.lattice import chain
 
-#: Arrays of the waves that marches and speeds change.
-_CHANGED = ("factor", "state", "time", "exit", "gate", "walk", "former", "before", "leans", "jump_time")
+#: Arrays of the waves that marches and speeds change once the next links are kept.
+_CHANGED = ("factor", "state", "time", "exit", "leans", "jump_time")
 
 #: Arrays of the waves whose values no march takes over; of the memory, only what a march writes to is used.
-_SCRATCH = ("heap", "key", "place")
+_SCRATCH = ("before", "heap", "key", "place")
 
 
 def first_car(building: Building) -> int:
@@ -58,7 +58,7 @@ class CompiledMarch(Solver):
         _start_at_exits(self.waves, grids, exits, starts)
 
     def copy(self) -> Self:
-        """Return this march as it is now, with arrays of its own."""
+        """Return this march as `keep_links` has left it, with its own of the arrays that change from then on."""
         other, waves = shallow_copy(self), self.waves
         arrays = {name: getattr(waves, name).copy() for name in _CHANGED}
         other.waves = waves.replace(**arrays, **{name: np.empty_like(getattr(waves, name)) for name in _SCRATCH})
@@ -122,8 +122,9 @@ class CompiledMarch(Solver):
             packed = grids.levels[level].packed
             nodes = self.solved[packed] & (waves.state[packed] != APART)
             missing += int(np.count_nonzero(nodes)) if level in needed else 0
-            waves.state[packed][nodes], waves.time[packed][nodes] = FAR, math.inf
-            waves.exit[packed][nodes] = waves.gate[packed][nodes] = -1
+            values = {"state": FAR, "time": math.inf, "exit": -1} | ({"gate": -1} if len(waves.gate) else {})
+            for name, value in values.items():
+                np.copyto(getattr(waves, name)[packed], value, where=nodes)
             waves.leans[level] = 0
         chosen, ends, lowered = np.zeros((3, len(grids.levels)), np.uint8)
         chosen[list(levels)] = 1
@@ -135,7 +136,10 @@ class CompiledMarch(Solver):
         return set(np.flatnonzero(lowered).tolist())
 
     def keep_links(self) -> None:
-        """Keep the next link on the way from each node; from now on times are those to it plus its time now."""
+        """Keep the next link on the way from each node; from now on times are those to it plus its time now.
+
+        The way to a link is all that is solved then, so that gates are not followed any more.
+        """
         waves = self.waves
         links, before = waves.gate_at, waves.before
         nodes = np.flatnonzero(self.solved & (links >= 0) & (links < self.grids.building.n_links))
@@ -154,6 +158,8 @@ class CompiledMarch(Solver):
         beside = waves.beside[np.concatenate([lines + sign * step for sign in (1, -1) for step in steps])]
         border = np.union1d(waves.border, beside[beside >= 0])
         waves.border = border[self.solved[border]]
+        no_node = waves.gate[:0]
+        self.waves = waves = waves.replace(gate_at=no_node, gate=no_node, walk=waves.walk[:0])
         self.solve()
         waves.former[:], waves.hesitation = waves.exit, math.inf
 

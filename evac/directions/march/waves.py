@@ -49,9 +49,9 @@ class MarchState(Struct):
     time: Floats  # (nodes,) [s]
     exit: Ints  # (nodes,) exit that the way from a node ends at, or label of the car that it enters first, -1 for none
     label: Ints  # (levels,) label of a car that is entered on a level, -1 for other levels
-    gate_at: Ints  # (nodes,) gate whose line a node is on, -1 for none
-    gate: Ints  # (nodes,) next gate on the way from a node, -1 for none
-    walk: Floats  # (nodes,) time to this gate without other people [s]
+    gate_at: Ints  # (nodes,) gate whose line a node is on, -1 for none; or no node if gates are not followed
+    gate: Ints  # (nodes,) next gate on the way from a node, -1 for none; as `gate_at`
+    walk: Floats  # (nodes,) time to this gate without other people [s]; as `gate_at`
     former: Ints  # (nodes,) that of the march before, -1 for none
     hesitation: float  # least time that the way to another exit than before must be shorter [s]
     before: Ints  # (nodes,) next node on the way
@@ -145,17 +145,19 @@ def find_speeds(
     relative speed before each gate by the time to it, in bins of `step` [s].
     """
     differences, delay = 0.0, 1.0 / (waves.spacing * waves.spacing)
+    has_gates = waves.gate.shape[0] > 0
     for node in range(first, stop):
         if waves.state[node] == APART:
             speed[node] = former[node]
             continue
         value = speed_at(density[node], floor)
-        gate = waves.gate[node]
-        if gate >= 0:
-            value = min(value, queues[gate, min(int(waves.walk[node] / step), queues.shape[1] - 1)])
+        if has_gates and waves.gate[node] >= 0:
+            queue = min(int(waves.walk[node] / step), queues.shape[1] - 1)
+            value = min(value, queues[waves.gate[node], queue])
         speed[node] = value
-        differences += abs(1.0 / value - 1.0 / former[node])
-        delay += 1.0 / former[node] - 1.0
+        if value < 1.0 or former[node] < 1.0:
+            differences += abs(1.0 / value - 1.0 / former[node])
+            delay += 1.0 / former[node] - 1.0
     return differences / delay
 
 
@@ -191,10 +193,10 @@ def rise(waves: MarchState, k: int, node: int, time: float) -> None:
 def take_first(waves: MarchState, size: int) -> int:
     """Take the node at the front of a queue, of which `size` are left; return it."""
     first, node, time = waves.heap[0], waves.heap[size], waves.key[size]
+    waves.key[size] = math.inf  # beside the last one, so that the lower of two is found without a branch
     k, below = 0, 1
     while below < size:
-        if below + 1 < size and waves.key[below + 1] < waves.key[below]:
-            below += 1
+        below += waves.key[below + 1] < waves.key[below]
         if waves.key[below] >= time:
             break
         waves.heap[k], waves.key[k] = waves.heap[below], waves.key[below]
@@ -323,7 +325,7 @@ def march_waves(waves: MarchState, level: Bytes, needed: Bytes, missing: int, le
     up to the time `least` [s] in any case. Other levels on which times would decrease are marked in `lowered`
     (levels,).
     """
-    size = 0
+    size, has_gates = 0, waves.gate_at.shape[0] > 0
     for k in range(waves.border.shape[0]):
         node = waves.border[k]
         if not level[waves.level_of[node]]:
@@ -345,10 +347,10 @@ def march_waves(waves: MarchState, level: Bytes, needed: Bytes, missing: int, le
         near, here = waves.before[node], waves.level_of[node]
         is_car = waves.label[here] >= 0 and waves.level_of[near] != here
         waves.exit[node] = waves.label[here] if is_car else waves.exit[near]
-        if waves.gate_at[node] >= 0:
+        if has_gates and waves.gate_at[node] >= 0:
             waves.gate[node] = waves.gate_at[node]
             waves.walk[node] = 0.0
-        else:
+        elif has_gates:
             waves.gate[node] = waves.gate[near]
             waves.walk[node] = waves.walk[near] + (waves.time[node] - waves.time[near]) / waves.factor[node]
         missing -= needed[here]
