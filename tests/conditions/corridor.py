@@ -15,6 +15,7 @@ def corridor(*conditions, speed=1.25, positions=((0.5, 1.0),), **tables):
         "people": [{**people, "radius": 0.2, "height": 1.7}],
         "conditions": list(conditions),
         "smoke": {"routes": False},
+        "directions": {"spacing": 0.25},
     }
     return evac.load({**table, **tables})
 

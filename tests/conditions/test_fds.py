@@ -42,6 +42,7 @@ def house(path, people=(("up", 1.0, 4.0),), heights=(1.7,), **changes):
         "people": groups,
         "conditions": [{"source": "fds", "file": str(path), "hold": True}],
         "smoke": {"routes": False},
+        "directions": {"spacing": 0.25},
     }
     return evac.load(table, changes)
 

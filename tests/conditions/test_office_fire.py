@@ -26,7 +26,7 @@ def test_the_deck_has_the_lines_that_the_command_prints(capsys):
 
 
 def test_smoke_closes_one_of_two_stairs_and_everybody_takes_the_other():
-    case = evac.load("office_fire")
+    case = evac.load("office_fire", {"directions.spacing": 0.2})
     results = Simulation(case).run()
     used = {name: use["people"] for name, use in results.exits.items()}
     assert used == {"east door": 85, "west door": 0}
@@ -36,7 +36,7 @@ def test_smoke_closes_one_of_two_stairs_and_everybody_takes_the_other():
 
 
 def test_without_looking_at_the_smoke_people_go_through_it():
-    results = Simulation(evac.load("office_fire", {"smoke.routes": False})).run()
+    results = Simulation(evac.load("office_fire", {"smoke.routes": False, "directions.spacing": 0.2})).run()
     assert 30 <= results.exits["west door"]["people"] <= 55
     assert results.conditions["greatest_extinction"] > 4.0
     doses = results.exposure["gas_dose"]

@@ -55,8 +55,7 @@ def test_many_gaps_make_few_classes_and_no_class_holds_a_body_too_wide_for_its_g
         assert all(bound <= width + 1e-5 for bound in fitting)
 
 
-@pytest.mark.parametrize("far", [4.0, 45.0])
-@pytest.mark.parametrize("turned", [0.0, 3.0])
+@pytest.mark.parametrize(("far", "turned"), [(4.0, 3.0), (45.0, 0.0)])
 def test_each_body_takes_the_nearest_gap_that_it_fits_through(far, turned):
     """Also where the way round is 40 m longer, for bodies of one width as for those of two."""
     building = hall((1.0, 0.45), (far, 1.1), length=far + 2.0, turned=turned)
@@ -140,14 +139,3 @@ def test_outside_a_niche_that_nobody_fits_into_directions_are_those_without_it()
     assert avoided.travel_time_at(0, inside, 0)[0] > free.travel_time_at(0, inside, 0)[0] + 10.0
     points = [(7.0, 5.0), (4.0, 3.0), (7.5, 1.0)]
     assert np.array_equal(avoided.directions_at(0, points, 0), free.directions_at(0, points, 0))
-
-
-def test_worker_processes_give_the_same_bits(monkeypatch):
-    building = hall((1.0, 0.45), (10.0, 1.1))
-    routes = (Route(), Route(("A",), "shortest"))
-    alone = build_fields(building, routes, clearance=CLEARANCE, narrowest=0.4, widest=0.5)
-    monkeypatch.setattr("evac.directions.march.marching.NODES_PER_WORKER", 1)
-    monkeypatch.setattr("evac.directions.march.marching.cores", lambda: 2)
-    shared = build_fields(building, routes, clearance=CLEARANCE, narrowest=0.4, widest=0.5, workers=2)
-    for name in ("direction", "travel_time", "field_of"):
-        np.testing.assert_array_equal(getattr(shared.packed, name), getattr(alone.packed, name))

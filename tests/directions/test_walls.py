@@ -211,7 +211,7 @@ def check_plan(drawing, seed):
     assert (np.abs(ways - reduced) < np.maximum(0.02 * reduced, 0.1)).all()
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_random_plans_agree_with_their_visibility_graphs(drawing, seed):
     check_plan(drawing, seed)
 

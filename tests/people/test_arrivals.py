@@ -63,7 +63,7 @@ def test_people_come_at_their_times_and_leave_and_who_stays_is_counted_apart():
 def test_a_rate_is_a_poisson_process_of_the_group_alone():
     numbers = []
     for seed in range(20):
-        simulation = Simulation(hall(GATE, **{"simulation.seed": seed}), will_run=False)
+        simulation = Simulation(hall(GATE, **{"simulation.seed": seed, "directions.spacing": 0.5}), will_run=False)
         (source,) = simulation.population.sources
         assert ((source.due >= 2.0) & (source.due < 15.0)).all()
         numbers.append(len(source.due))

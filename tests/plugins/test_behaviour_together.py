@@ -53,26 +53,6 @@ def test_families_wait_for_their_slowest_and_not_for_others():
     assert np.ptp(out, axis=1).max() < 8.0
 
 
-def test_a_unit_gathers_and_is_counted_before_it_leaves():
-    """A class and its teacher are one unit of two groups."""
-    teacher = ("teacher", 1, {"unit": "class", "gather": "hall"}, [0.8])
-    pupils = ("pupils", 8, {"unit": "class", "gather": "hall"}, [0.6, 1.0, 1.2, 1.4] * 2)
-    simulation = corridor(teacher, pupils, places=["hall"], count=7.0)
-    crowd = simulation.population.crowd
-    arrived = left = None
-    while not simulation.ended:
-        simulation.advance_tick()
-        x, is_still = crowd.position[:, 0], np.hypot(*simulation.displacement_velocity.T) < 0.1
-        if arrived is None and ((x > 20) & (x < 24) & is_still).all():
-            arrived = simulation.time
-        if left is None and (x > 24.0).any():
-            left = simulation.time
-    assert simulation.ended == "everybody out"
-    assert arrived is not None
-    assert left - arrived > 7.0
-    assert np.ptp(crowd.exit_time) < 8.0
-
-
 def test_who_gathers_is_in_no_queue_and_resumed_runs_know_it(tmp_path):
     case = corridor(("class", 12, {"gather": "hall"}, SPEEDS * 3), places=["hall"], count=30.0).case
     results = evac.run(case, tmp_path / "whole")
@@ -84,13 +64,6 @@ def test_who_gathers_is_in_no_queue_and_resumed_runs_know_it(tmp_path):
     assert first.standing.sum() == 12
     second.restore(first.state())
     assert second.standing.tolist() == first.standing.tolist()
-
-
-def test_a_unit_leaves_without_those_who_do_not_come():
-    simulation = corridor(("family", 2, {"gather": "hall"}, [1.2, 0.0]), places=["hall"], patience=20.0, count=0.0)
-    crowd = simulation.population.crowd
-    run_ticks(simulation, 900)
-    assert np.isfinite(crowd.exit_time).tolist() == [True, False]
 
 
 def class_of(speeds, *events, **parameters):
@@ -109,7 +82,7 @@ def test_a_class_gathers_behind_its_teacher_is_counted_and_leaves_behind_it():
     simulation = class_of([0.8, 1.2, 1.4, 1.6] * 3, count=5.0)
     crowd, teacher = simulation.population.crowd, simulation.population.groups[1].rows[0]
     pupils = np.delete(np.arange(13), teacher)
-    leads, stood = [], False
+    leads, arrived, left = [], None, None
     while not simulation.ended:
         simulation.advance_tick()
         inside = pupils[crowd.level[pupils] >= 0]
@@ -118,17 +91,21 @@ def test_a_class_gathers_behind_its_teacher_is_counted_and_leaves_behind_it():
             # On the way to the hall, and when all have left it, up to where those ahead give way to the teacher.
             if 12.0 < x[teacher] < 19.5 or 28.0 < x[teacher] < 57.0:
                 leads.append(x[inside].max() - x[teacher])
-            stood |= bool(((x > 20.0) & (x < 24.0)).all() and np.hypot(*simulation.displacement_velocity.T).max() < 0.1)
+            if arrived is None and ((x > 20.0) & (x < 24.0)).all():
+                arrived = simulation.time if np.hypot(*simulation.displacement_velocity.T).max() < 0.1 else None
+            if left is None and (x > 24.0).any():
+                left = simulation.time
     assert simulation.ended == "everybody out"
-    assert stood
+    assert left - arrived > 5.0
     assert max(leads) < 1.0
     assert simulation.results().notes == ()
 
 
-def test_who_was_missing_when_a_class_was_counted_is_told(tmp_path):
+def test_who_was_missing_when_a_class_was_counted_is_told_and_the_others_leave(tmp_path):
     simulation = class_of([1.2, 0.0, 1.4], count=5.0, patience=10.0)
     run_ticks(simulation, 600)
     missing = next(group.rows for group in simulation.population.groups if group.name == "pupils")[1]
+    assert (np.delete(simulation.population.crowd.position[:, 0], missing) > 24.0).all()
     (note,) = simulation.results().notes
     assert note.startswith("together: '3b' counted 3 of 4 at 'hall' at ")
     assert note.endswith(f"; 1 person missing: {missing}")

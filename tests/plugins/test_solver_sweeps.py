@@ -58,7 +58,7 @@ def packed(lines, width):
     return state, len(place)
 
 
-@pytest.mark.parametrize("limit", [7, 30, 50, 201, 20000])
+@pytest.mark.parametrize("limit", [7, 201, 20000])
 def test_momentum_that_does_not_suit_is_given_up(limit):
     state, people = packed(20, 20)
     free = np.random.default_rng(2).normal(0.0, 1.5, (people, 2))

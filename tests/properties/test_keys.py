@@ -72,7 +72,7 @@ def keys_of(table: type[Table], before: str) -> Iterator[str]:
 
 
 @pytest.mark.filterwarnings("ignore")  # numpy's, of numbers that are then refused
-@drawn(40, case=strategies.tuples(*map(strategies.sampled_from, (known_keys(), VALUES, MODELS))))
+@drawn(15, case=strategies.tuples(*map(strategies.sampled_from, (known_keys(), VALUES, MODELS))))
 def test_a_case_runs_or_the_message_names_the_key(case, tmp_path_factory):
     check(*case, tmp_path_factory.mktemp("key"))
 
@@ -133,21 +133,25 @@ PLAN_VALUES = (
 )
 
 
+PLACES = [
+    (section, index, key)
+    for section, items in PLAN.items()
+    for index, one in enumerate(items)
+    for key in (*one, *FURTHER.get(section, ()))
+]
+
+
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("value", PLAN_VALUES, ids=range(len(PLAN_VALUES)))
-@pytest.mark.parametrize("section", PLAN)
-@pytest.mark.parametrize("part", [0, *(pytest.param(part, marks=pytest.mark.slow) for part in range(1, 8))])
-def test_a_plan_makes_a_building_or_each_line_of_its_refusal_names_the_file(section, value, part, tmp_path):
-    """One of eight values of each key, others for each key, and the other ones if one has time."""
+@drawn(30, place=strategies.sampled_from(PLACES), value=strategies.sampled_from(PLAN_VALUES))
+def test_a_plan_makes_a_building_or_each_line_of_its_refusal_names_the_file(place, value, tmp_path_factory):
     assert set(PLAN) <= set(SECTIONS)
-    for index, one in enumerate(PLAN[section]):
-        for key in (*one, *FURTHER.get(section, ()))[(PLAN_VALUES.index(value) + part) % 8 :: 8]:
-            table = copy.deepcopy(PLAN)
-            table[section][index][key] = value
-            try:
-                plan_of(table, tmp_path / "plan.toml", tmp_path).building()
-            except BuildingError as error:
-                told = str(error)
-            else:
-                told = "plan.toml"
-            assert all("plan.toml" in line for line in told.split("\n")), key
+    table, tmp_path = copy.deepcopy(PLAN), tmp_path_factory.mktemp("plan")
+    section, index, key = place
+    table[section][index][key] = value
+    try:
+        plan_of(table, tmp_path / "plan.toml", tmp_path).building()
+    except BuildingError as error:
+        told = str(error)
+    else:
+        told = "plan.toml"
+    assert all("plan.toml" in line for line in told.split("\n"))

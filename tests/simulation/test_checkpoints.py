@@ -324,8 +324,9 @@ def test_the_trajectory_of_another_run_is_refused_before_it_is_cut(tmp_path, kil
     assert content(killed.with_name("r.running")) == before
 
 
-@pytest.mark.parametrize("restore", ["raise ValueError('no')", "self.length = int(state['length']) - 1"])
-@pytest.mark.parametrize("raised", [Killed, Stopped])
+@pytest.mark.parametrize(
+    ("restore", "raised"), [("raise ValueError('no')", Stopped), ("self.length = int(state['length']) - 1", Killed)]
+)
 def test_a_recorder_that_cannot_be_restored_leaves_the_files_as_they_were(tmp_path, hall, restore, raised):
     plugin = tmp_path / "inside.py"
     plugin.write_text(textwrap.dedent(PLUGIN.format(state="def state(self): return {}")))

@@ -112,8 +112,7 @@ def test_an_exit_that_opens_again_holds_nobody():
     assert simulation.scene.world.link_open.tolist() == [1, 1]
 
 
-@pytest.mark.parametrize("y", [1.75, 1.91, 2.07])
-def test_the_last_one_who_leaves_a_closing_shaft_is_not_turned_back_into_it(y):
+def test_the_last_one_who_leaves_a_closing_shaft_is_not_turned_back_into_it():
     """Beyond the line, the way that was shorter led back to it."""
     plan = evac.Plan()
     for number, name in enumerate("gfs"):
@@ -128,7 +127,7 @@ def test_the_last_one_who_leaves_a_closing_shaft_is_not_turned_back_into_it(y):
         "building": plan,
         "contact": {"model": "nsm1"},
         "simulation": {"duration": 200.0},
-        "people": [{"name": "p", "positions": [[37.5, y]], "level": "e 1 flight z=3.20..6.40", "speed": 1.2}],
+        "people": [{"name": "p", "positions": [[37.5, 1.91]], "level": "e 1 flight z=3.20..6.40", "speed": 1.2}],
         "event": [{"time": 0.0, "kind": "close", "target": "e"}],
     }
     results = evac.run(case)

@@ -110,18 +110,6 @@ def test_runs_in_the_same_scene_do_not_disturb_each_other():
     assert_same_bits(first, second)
 
 
-def test_an_exit_that_closes_is_left_at_once():
-    simulation = run_ticks(Simulation(case_of()), 30)
-    simulation.scene.set_open("far", False)
-    before = simulation.scene.quickest.report()["updates"]
-    run_ticks(simulation, 1)
-    assert simulation.scene.quickest.report()["updates"] == before + 1
-    inside = simulation.population.crowd.level >= 0
-    results = simulation.run()
-    near = [exit_.index for exit_ in simulation.building.exits if exit_.name == "near"]
-    assert (results.crowd.exit_used[inside] == near[0]).all()
-
-
 def test_a_stair_opens_and_closes_and_the_density_stays():
     """The grids of its levels are larger while it is open."""
     case = case_of(**{"building.closed": ["stair"], "people.b.area": "floor"})

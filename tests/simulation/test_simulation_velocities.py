@@ -25,10 +25,9 @@ def recorded(tmp_path, name, **changes):
     "changes",
     [
         model_of("dem"),
-        model_of("nsm1") | {"contact.nsm1.variant": "overdamped"},
         model_of("nsm2"),
     ],
-    ids=["dem", "nsm1-overdamped", "nsm2"],
+    ids=["dem", "nsm2"],
 )
 def test_recorded_velocities_are_differences_of_recorded_positions_on_stairs_too(changes, tmp_path):
     found = recorded(tmp_path, "primary_school", **changes, **{"simulation.duration": 16.0, "output.every": 0.1})

@@ -46,9 +46,8 @@ def test_the_replay_tells_them(results):
     np.testing.assert_allclose([corners.min(axis=0), corners.max(axis=0)], [[6.0, 2.5], [12.0, 8.0]], atol=0.02)
 
 
-@pytest.mark.parametrize("view", ["plan", "3d"])
-def test_pictures_show_areas_and_directions(results, view):
-    renderer = Renderer(results.trajectory, (600, 400), view)
+def test_pictures_show_areas_and_directions(results):
+    renderer = Renderer(results.trajectory, (600, 400), "plan")
     red = np.array([round(255 * part) for part in to_rgb(palette.CLOSED)])
 
     def reds(time):

@@ -28,9 +28,8 @@ def test_the_speed_switches_at_the_edge_of_the_stair_and_back(tmp_path):
     assert [levels[k] for k in range(1, len(levels)) if levels[k] != levels[k - 1]] == [1, 2, -1]
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_levels_and_those_out_add_up_in_the_school(model):
-    simulation = Simulation(load_case("primary_school", {"contact.model": model}))
+def test_levels_and_those_out_add_up_in_the_school():
+    simulation = Simulation(load_case("primary_school"))
     people = len(simulation.population.crowd.level)
     before = None
     for _, crowd in track(simulation):

@@ -47,25 +47,6 @@ def test_a_class_stays_behind_a_teacher_who_waits_for_the_last(tmp_path, headway
         assert out_before_teacher(simulation) == 0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("headway", "social"), KEEPING_APART)
-def test_the_schools_classes_stay_behind_their_teachers(headway, social):
-    """Nor does a teacher stand around: within 5 s of travel of the exit none takes 5 s for half a second of the way."""
-    changes = ({"behaviours.headway": {}} if headway else {}) | ({} if social else {"forces": {}})
-    for seed in range(1, 6):
-        simulation = Simulation(load_case("primary_school", changes | {"simulation.seed": seed}))
-        groups = {group.name: group.rows for group in simulation.population.groups}
-        teachers = np.array([rows[0] for name, rows in groups.items() if name.startswith("teacher")])
-        best, since = np.full(len(teachers), 5.0), np.full(len(teachers), np.inf)
-        for time, crowd in track(simulation):
-            remaining = simulation.fields.travel_time_at(crowd.level, crowd.position, crowd.route)[teachers]
-            ahead = (remaining < best - 0.5) & (crowd.level[teachers] >= 0)
-            best[ahead], since[ahead] = remaining[ahead], time
-            assert (time - since[crowd.level[teachers] >= 0] < 5.0).all()
-        assert simulation.ended == "everybody out"
-        assert out_before_teacher(simulation) == 0
-
-
 def leads(simulation):
     """Run and return each pupil's leads over its teacher [s], one for each tick while both are inside and walk."""
     groups = {group.name: group.rows for group in simulation.population.groups}
@@ -83,7 +64,7 @@ def leads(simulation):
 
 def test_pupils_keep_behind_their_teachers_and_six_classes_get_out():
     kept = []
-    for seed in (1, 2, 3, 4):
+    for seed in (1, 2):
         simulation = Simulation(load_case("primary_school", {"simulation.seed": seed}))
         ahead = leads(simulation)
         assert np.mean(np.concatenate(ahead) > SECOND) <= 0.05
