@@ -66,6 +66,8 @@ def test_passages_through_portals_and_exits_are_those_of_the_log(building):
     }
     assert flows["portal 3"].forward.tolist() == [False, False, True]  # the second person goes back
     assert flows["door"].forward.tolist() == [True]
+    quiet = {name: getattr(flows["door"], name)[:0] for name in ("person", "time", "forward")}
+    assert [(name, len(times)) for name, times in replace(flows["door"], **quiet).by_direction()] == [("out", 0)]
     assert all(flow.flow is None for flow in flows.values())
 
 

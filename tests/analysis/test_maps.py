@@ -52,6 +52,11 @@ def test_who_stands_waits_and_covers_the_disc_of_the_body(standing):
     assert np.nanmax(maps.flow) == np.nanmax(maps.speed) == 0.0
 
 
+def test_a_body_covers_cells_whose_centres_are_on_its_edge(written):
+    maps = written(np.full((2, 1, 2), [5.25, 3.25]), radius=0.5).maps(["floor 0"], spacing=0.5)
+    assert np.nansum(maps["floor 0"].usage) == 5.0
+
+
 def test_a_walk_has_no_gaps_between_recorded_times(walking):
     """Frames are 2 m apart, cells 0.1 m."""
     x, y = np.meshgrid(walking.x, walking.y)

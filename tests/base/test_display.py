@@ -7,7 +7,7 @@ import pytest
 
 from evac.base import display as progress
 from evac.base.display import Display, numbers_of
-from evac.base.phases import told
+from evac.base.phases import reading, told
 from evac.simulation.simulation import Progress
 
 
@@ -65,14 +65,19 @@ def test_a_terminal_gets_a_bar(monkeypatch):
 
 
 def test_loops_tell_how_far_they_are(monkeypatch, capsys):
-    clock = iter([0.0, *(10.0 * k for k in range(1, 6))])
+    clock = iter([0.0, *(10.0 * k for k in range(1, 10))])
     monkeypatch.setattr(
         progress, "time", SimpleNamespace(perf_counter=lambda: next(clock))
     )  # not that of other threads
     assert [*told("drawing", "abcd", 4)] == [*"abcd"]
     with Display():
         assert [*told("drawing", "abcd", 4)] == [*"abcd"]
-    assert capsys.readouterr().err.splitlines() == [f"drawing: {k}/4, ETA 0:{10 * (4 - k):02d}" for k in (1, 2, 3)]
+    with Display():
+        reading(1)
+        reading(2)
+    *lines, last = capsys.readouterr().err.splitlines()
+    assert last == "reading the building: 2/3, ETA 0:05"
+    assert lines == [f"drawing: {k}/4, ETA 0:{10 * (4 - k):02d}" for k in (1, 2, 3)]
 
 
 def test_a_file_is_no_terminal_whatever_variables_say(monkeypatch, capsys):

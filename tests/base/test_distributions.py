@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from evac.base.distributions import Distribution, as_text, generator_for, parse
+from evac.base.distributions import (
+    Distribution,
+    as_text,
+    generator_for,
+    generator_state,
+    parse,
+    restore_generator,
+)
 from evac.base.errors import ScenarioError
 
 N = 20_000
@@ -149,3 +156,12 @@ def test_values_of_a_case_are_told_in_words():
         **{"factor: 0.5": {"factor": 0.5}, "-": {}, "1, 2": [1, 2], "none": [], "yes": True},
     }
     assert [as_text(value) for value in told.values()] == [*told]
+
+
+def test_a_generator_goes_on_from_its_state_with_the_half_word_that_is_left():
+    one, other = generator_for(1, "a"), generator_for(2, "b")
+    one.integers(2**32, dtype=np.uint32)
+    restore_generator(other, generator_state(one))
+    assert (
+        other.integers(2**32, size=5, dtype=np.uint32).tolist() == one.integers(2**32, size=5, dtype=np.uint32).tolist()
+    )

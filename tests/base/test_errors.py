@@ -5,7 +5,8 @@ import os
 import pytest
 
 import evac
-from evac.base.errors import BuildingError, EvacError, in_order, usable_path
+from evac.base.distributions import distribution_from
+from evac.base.errors import BuildingError, EvacError, PluginError, in_order, plugin_code, usable_path
 
 CALLS = {
     "building": lambda path: evac.read_building(f"{path}.obj"),
@@ -52,6 +53,12 @@ def test_a_path_that_is_not_utf_8_is_refused(tmp_path, monkeypatch):
 def test_a_path_need_not_exist(tmp_path):
     for path in (tmp_path, tmp_path / "none", tmp_path / "none" / "file.obj"):
         assert usable_path(str(path), BuildingError) == path
+
+
+def test_an_error_of_evac_in_a_plugin_keeps_the_remedy_that_it_states():
+    remedy = r"^odd: ValueError: the value 2 is outside [^;]*; correct it$"
+    with pytest.raises(PluginError, match=remedy), plugin_code("odd", usable_path):
+        distribution_from({"constant": 2.0, "maximum": 1.0})
 
 
 def test_things_are_listed_in_the_order_that_people_expect():

@@ -215,7 +215,8 @@ def test_temperature_layer_and_irritants_are_criteria(limit, values):
     given = {limit: values} if values else {"hcl": [0.0, 900.0]}
     smoke = prescribed(times=[0, 20], values=given, hold=True)
     edge = {"temperature": 60.0, "layer": 1.5, "fic": 0.5}[limit]
-    case = corridor(smoke, smoke={"law": "none", "routes": False}, safety={limit: edge})
+    place = ((90.0, 1.0),)  # irritants would slow who comes from afar
+    case = corridor(smoke, positions=place, smoke={"law": "none", "routes": False}, safety={limit: edge})
     (row,) = Simulation(case).run().safety["compartments"]
     assert (row["available"], row["criterion"]) == (pytest.approx(10.0), limit)
 

@@ -96,6 +96,12 @@ def test_damaged_smokeview_files_are_refused_with_the_line(tmp_path, change, wor
     assert all(word in str(error.value) for word in words), error.value
 
 
+def test_times_that_do_not_increase_are_refused_with_their_number(tmp_path):
+    path, written = write_slices(tmp_path, MESHES[:1], [(CO, 1.5, False, wave)], [0.0, 1.0, 0.5, 2.0])
+    with pytest.raises(evac.ScenarioError, match=rf"{next(iter(written))}: time 3, 0\.5 s"):
+        read_slices(path, frozenset([CO]))
+
+
 def test_values_that_are_not_finite_are_refused_with_file_and_time(tmp_path):
     path, written = write_slices(
         tmp_path, MESHES[:1], [(CO, 1.5, False, lambda x, y, z, t: np.where(t > 1, np.nan, x))], [0.0, 2.0]
