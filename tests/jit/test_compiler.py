@@ -195,3 +195,17 @@ def pair(x: float) -> float:
 def test_a_kernel_returns_what_it_declares(entry):
     with pytest.raises(PluginError, match=rf"kernel {entry.__name__}: returns .*test_compiler\.py, line \d+\); return"):
         entry(1.0)
+
+
+@kernel
+def misspelt(x: float) -> float:
+    y = 2.0 * x
+    return hyppot(x, y)  # noqa: F821
+
+
+def test_a_kernel_that_cannot_be_compiled_is_named_with_its_line_and_the_remedy():
+    place = rf"test_compiler\.py, line {misspelt.function.__code__.co_firstlineno + 3}"
+    with pytest.raises(
+        PluginError, match=rf"kernel misspelt: cannot be compiled: .*hyppot.*{place}\); correct the name"
+    ):
+        misspelt(1.0)

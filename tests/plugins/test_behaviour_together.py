@@ -103,7 +103,7 @@ def test_a_class_gathers_behind_its_teacher_is_counted_and_leaves_behind_it():
 
 def test_who_was_missing_when_a_class_was_counted_is_told_and_the_others_leave(tmp_path):
     simulation = class_of([1.2, 0.0, 1.4], count=5.0, patience=10.0)
-    run_ticks(simulation, 600)
+    run_ticks(simulation, 650)
     missing = next(group.rows for group in simulation.population.groups if group.name == "pupils")[1]
     assert (np.delete(simulation.population.crowd.position[:, 0], missing) > 24.0).all()
     (note,) = simulation.results().notes

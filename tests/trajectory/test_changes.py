@@ -87,7 +87,9 @@ def reds(image):
     return (np.abs(np.asarray(image, int) - ImageColor.getrgb(palette.CLOSED)) < 25).all(axis=2).sum()
 
 
-def test_the_trajectory_says_when(trajectory):
+def test_the_trajectory_says_when(case, trajectory):
+    in_memory = evac.run(case, progress=False)
+    assert (in_memory.changes, in_memory.trajectory.changes) == (trajectory.changes,) * 2
     assert trajectory.changes == (evac.Change(2.0, "close", "west", {"let_through": (6,)}),)
     west, east = (exit_ for exit_ in sorted(trajectory.building.exits, key=lambda one: one.name != "west"))
     for time, is_open in ((0.0, True), (1.9, True), (2.0, False), (4.0, False)):
