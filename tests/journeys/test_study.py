@@ -20,7 +20,7 @@ CASE = {
     ],
 }
 KEY = "people.above.number"
-RUNS = 4
+RUNS = 3
 
 
 @pytest.fixture(scope="module")

@@ -52,6 +52,9 @@ def test_maps_over_runs_are_those_of_the_runs(tmp_path):
     assert "mean over runs" in text
     assert "Share of the runs with margins below 0 s" in text
     assert evac.repeat(case, 2, workers=1).maps() == {}
+    (bare,) = maps_over_runs(evac.repeat(case.change({"safety": None}), 1, maps=True, workers=1), 0).values()
+    assert np.isnan(bare.least_margin).all()
+    assert np.nanmax(bare.maps.density) > 0.0
 
 
 def test_what_holds_up_most_over_runs_is_told_as_of_runs(tmp_path):
