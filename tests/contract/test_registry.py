@@ -2,7 +2,6 @@ import sys
 import textwrap
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from evac.base.errors import BuildingError, PluginError
@@ -148,33 +147,6 @@ def test_a_file_named_twice_is_registered_once(tmp_path):
     assert bare(path).contact_models["spring"] is registry.contact_models["spring"]
 
 
-def test_a_kernel_in_a_file_is_compiled(tmp_path):
-    path = written(
-        tmp_path,
-        "kernels.py",
-        """
-        from evac.contract.hooks import hookimpl
-        evac_interface = 3
-        from evac.jit import Floats, kernel
-
-        @hookimpl
-        def evac_forces():
-            return []
-
-        @kernel
-        def twice(values: Floats) -> None:
-            for i in range(len(values)):
-                values[i] *= 2.0
-        """,
-    )
-    bare(path)
-    module = next(module for name, module in sys.modules.items() if name.startswith("evac_plugin_kernels_"))
-    values = np.array([1.0, 2.0])
-    module.twice(values)
-    assert values.tolist() == [2.0, 4.0]
-    assert module.twice.is_ready
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -206,22 +178,6 @@ def test_a_kernel_in_a_file_is_compiled(tmp_path):
 )  # fmt: skip
 def test_a_broken_plugin_is_refused_by_name(tmp_path, text, words):
     path = written(tmp_path, "broken.py", "evac_interface = 3\n" + text)
-    with pytest.raises(PluginError) as caught:
-        bare(path)
-    for word in [str(path), *words]:
-        assert word in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("stated", "words"),
-    [
-        ("", ["does not state", "changelog.md", f"evac_interface = {INTERFACE}"]),
-        ("evac_interface = 1", ["version 1", f"version {INTERFACE}", "changelog.md"]),
-        (f"evac_interface = {INTERFACE + 1}", [f"version {INTERFACE + 1}", f"version {INTERFACE}", "adapt"]),
-    ],
-)
-def test_a_plugin_of_another_interface_is_refused_by_name(tmp_path, stated, words):
-    path = written(tmp_path, "spring.py", textwrap.dedent(SPRING).replace(f"evac_interface = {INTERFACE}", stated))
     with pytest.raises(PluginError) as caught:
         bare(path)
     for word in [str(path), *words]:

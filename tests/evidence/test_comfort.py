@@ -53,14 +53,6 @@ def test_who_could_touch_within_a_tick_is_not_away_from_contacts(gap, level, awa
     assert found["accelerations away"] == away
 
 
-@pytest.mark.parametrize(("tau", "away"), [(0.1, 4), (0.3, 2), (1.0, 0)])
-def test_who_was_touched_is_away_from_contacts_after_the_relaxation_time(tau, away):
-    """One goes away from somebody who stands, and could touch it until the end of the first tick."""
-    found = moments_of(along(*[(0.0, 4.0)] * 8), along(*[(0.0, 0.0)] * 8, start=(0.0, -0.35)), tau=tau)
-    assert found["moments"] == 2 * 7
-    assert found["away from contacts"] == 2 * away
-
-
 def test_who_steps_over_a_portal_and_back_is_counted_with_the_way_beyond_it():
     """One only passes it, two step beyond it, and one of them by the distance from the line on which it comes back."""
     ways = [(1.0, 0.0)] * 4, [(1.0, 0.0), (1.0, 0.0), (-1.5, 0.0), (0.0, 0.0)], [(1.0, 0.0), (4.0, 0.0), (-4.0, 0.0)]

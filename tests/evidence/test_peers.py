@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from evac.evidence.scaling.halls import doors_along, make_hall
+from evac.evidence.scaling.halls import make_hall
 from evac.evidence.scaling.page import STEP
-from evac.evidence.scaling.peers.programs import CromosimWalk, JupedsimWalk, OrcaWalk
+from evac.evidence.scaling.peers.programs import JupedsimWalk
 from evac.evidence.scaling.walks import TICK
 
 
@@ -61,38 +61,3 @@ def test_jupedsim_is_given_the_hall_and_its_people(monkeypatch, model):
     for agent in simulation.agents:
         apart = [exit_.distance(simulation.exits[agent.stage_id]) for exit_ in simulation.exits]
         assert min(apart) == apart[agent.stage_id] == 0.0
-
-
-def test_orca_keeps_people_apart_and_within_the_walls():
-    pytest.importorskip("pyrvo")
-    hall = make_hall(100, 2.0, 1)
-    walk = OrcaWalk(hall, STEP)
-    np.testing.assert_allclose(walk.positions(), hall.crowd.position, rtol=1e-6)
-    for _ in range(20):
-        assert walk.advance() > 0.0
-    places = walk.positions()
-    assert np.linalg.norm(places - hall.crowd.position, axis=1).max() > 1.0
-    assert overlaps(places, hall.crowd.radius).max() < 0.05
-    (low,), (high,) = doors_along(hall.length)
-    outside = places[places[:, 0] > hall.depth]
-    assert len(outside) > 0
-    assert ((outside[:, 1] > low) & (outside[:, 1] < high)).all()
-    assert (places > 0.0).all()
-
-
-def overlaps(places, radius):
-    apart = np.linalg.norm(places[:, None] - places[None], axis=2) - radius[:, None] - radius[None]
-    return -apart[np.triu_indices(len(radius), 1)]
-
-
-def test_people_of_cromosim_do_not_overlap_and_leave_by_the_door():
-    pytest.importorskip("cromosim")
-    pytest.importorskip("cvxopt")
-    hall = make_hall(60, 5.0, 1)
-    walk = CromosimWalk(hall, STEP, is_inertial=False)
-    for _ in range(15):
-        walk.advance()
-    assert 30 < walk.inside < 60
-    assert overlaps(walk.positions(), walk.people["xyrv"][:, 2]).max() < 0.01
-    assert (walk.positions() > 0.0).all()
-    assert (walk.positions() < [hall.depth, hall.length]).all()

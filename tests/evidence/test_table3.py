@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.evidence.evidence import Evidence
-from evac.evidence.square_room import GAP, change, crowd_at, flow, start_positions
+from evac.evidence.square_room import change, crowd_at, flow, start_positions
 from evac.evidence.table3.classroom import median_last
 from evac.evidence.table3.figures import draw_figure_2, draw_figure_3
 
@@ -52,15 +52,6 @@ def test_change_is_paired_on_the_runs_that_both_steps_have():
     assert found.mean.high - found.mean.low == pytest.approx(0.05 * (base.mean.high - base.mean.low))
     same = change(coarse, [times[:2] for times in coarse], generator())
     assert (same.pooled.low, same.pooled.value, same.pooled.high) == (0.0, 0.0, 0.0)
-
-
-def test_a_run_stopped_at_one_step_is_left_out_at_both():
-    good = np.tile(np.arange(1.0, 21.0), (3, 1))
-    late = good.copy()
-    late[1, 12:] += GAP
-    found = change([good], [late], generator())
-    assert (found.runs, found.stopped) == (3, 1)
-    assert found.pooled.value == pytest.approx(0.0)
 
 
 def test_positions_belong_to_the_set_and_parameters_to_the_run():
