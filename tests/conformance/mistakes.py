@@ -79,18 +79,13 @@ MISTAKES = {
     "returns_an_object": Mistake(BEHAVIOUR, "[Slow]", "[Slow()]", "@hookimpl", "object of class Slow", "class itself"),
     "returns_nothing": Mistake(BEHAVIOUR, "return [Slow]", "[Slow]", "@hookimpl", "returns None", "return a list"),
     "no_name": Mistake(BEHAVIOUR, '    name = "tried"\n', "", "class Slow", "name is ''", "one word in lower case"),
-    "syntax": Mistake(BEHAVIOUR, "time):", "time)", "def act", r"SyntaxError: expected ':'", CORRECT),
-    "import": Mistake(BEHAVIOUR, "import numpy", "import numpyy", "import numpyy", "No module named 'numpyy'", CORRECT),
-    "taken_name": Mistake(BODY_FORCE, '"tried"', '"social"', "class Drag", "force 'social'", "another name"),
     "default_out_of_range": Mistake(BEHAVIOUR, "(0.5", "(2.5", "factor =", "at most 1.0, got 2.5", "its default"),
     # Behaviours
     "act_signature": Mistake(BEHAVIOUR, "crowd, time", "crowd", "def act", r"act\(self, crowd\)", "crowd, time"),
     "no_act": Mistake(BEHAVIOUR, ACT, "    pass\n", "class Slow", "no effect", r"define act\(self, crowd, time\)"),
     "act_raises": Mistake(BEHAVIOUR, DO, "time > 0.15 and 1 / 0", "time", r"t = 0.200 s: .*division by zero", CORRECT),
     "act_exits": Mistake(BEHAVIOUR, DO, "raise SystemExit(0)", "raise", "SystemExit: 0", "raise an exception instead"),
-    "act_leaves": Mistake(BEHAVIOUR, DO, "crowd.speed_factor[:] = np.ones(3)", "crowd.", "broadcast", CORRECT),
     "writes_nan": Mistake(BEHAVIOUR, DO, "crowd.speed_factor[:] = np.nan", "def act", "wrote nan to", "must be finite"),
-    "writes_negative": Mistake(BEHAVIOUR, DO, "crowd.speed_factor[:] = -1", "def act", "wrote -1.0", "not negative"),
     "replaces_array": Mistake(
         BEHAVIOUR, DO, "crowd.speed_factor = 1.0", "crowd.", "speed_factor cannot be replaced", "write into the array"
     ),
@@ -112,12 +107,6 @@ MISTAKES = {
     # Forces
     "force_signature": Mistake(PAIR_FORCE, " ex, ey,", "", "@pair_force", "takes 6 arguments", "must take 8"),
     "force_returns_one": Mistake(PAIR_FORCE, ", parameters[0] * ny", "", "@pair_force", "returns float64", "64, f"),
-    "force_returns_either": Mistake(
-        PAIR_FORCE, PAIR, "    if gap > 0.5:\n        return 0.0\n" + PAIR, "@pair_force", "unify", "same numbers"
-    ),
-    "force_returns_none": Mistake(
-        PAIR_FORCE, PAIR, "    if gap > 0.5:\n    " + PAIR, "@pair_force", "returns OptionalType", "in every case"
-    ),
     "force_undecorated": Mistake(PAIR_FORCE, "@pair_force\n", "", "def law", "must be a kernel", "decorate it"),
     "force_of_the_other_kind": Mistake(
         PAIR_FORCE, "@pair_force\ndef law(gap", "@body_force\ndef law(x, y, gap", "@body_force",
@@ -125,9 +114,6 @@ MISTAKES = {
     ),
     "force_allocates": Mistake(
         PAIR_FORCE, PAIR, "    return np.array([nx, ny])[0], 0.0\n", "return np", "numpy.array", KERNELS
-    ),
-    "force_has_a_dictionary": Mistake(
-        PAIR_FORCE, PAIR, "    return {'a': [1, 'x']}['a'], 0.0\n", "return {", "cannot be compiled", KERNELS
     ),
     "force_nan": Mistake(
         PAIR_FORCE, PAIR, "    return math.sqrt(gap - 10.0), 0.0\n", "@pair_force", "force of .*nan", "finite numbers"
@@ -138,7 +124,6 @@ MISTAKES = {
     "force_misspelt_name": Mistake(
         PAIR_FORCE, PAIR, "    return strenght * nx, 0.0\n", "return strenght", "'strenght' is not defined", "the name"
     ),
-    "force_index": Mistake(PAIR_FORCE, "parameters[0] * nx", "parameters[7] * nx", "return p", r"s\[7\]", "index"),
     "force_no_cutoff": Mistake(PAIR_FORCE, PACKED, "", "class Repels", r"no cutoff\(\)", "add it"),
     "force_no_function": Mistake(PAIR_FORCE, "    pair = law\n", "", "class Repels", "names no function", "pair_force"),
     "packed_word": Mistake(
@@ -164,19 +149,12 @@ MISTAKES = {
     "law_raises": Mistake(
         CONTACT, SPRING, "    if gap < 0:\n        raise ValueError\n" + SPRING, "raise", "raise", "raise no exceptions"
     ),
-    "law_prints": Mistake(CONTACT, SPRING, "    print(gap)\n" + SPRING, "print", "function print", KERNELS),
-    "law_word": Mistake(
-        CONTACT, "stiffness =", 'mode = Parameter("soft", "mode")\n    stiffness =', "class S", "'soft'", "define p"
-    ),
     # Solvers
     "solver_unannotated": Mistake(
         SOLVER, "limit: int) -> int", "limit: int)", "@kernel", "no type annotation", "declare a kernel"
     ),
     "solver_returns_float": Mistake(
         SOLVER, "limit: int) -> int", "limit: int) -> float", "@kernel", r"not sweeps\(.*float64\)", "decorate it"
-    ),
-    "solver_attribute": Mistake(
-        SOLVER, "    made = 0\n", "    made = 0\n    problem.residule = 0.0\n", "problem.residule", "residule", KERNELS
     ),
     "solver_function": Mistake(
         SOLVER.replace("@kernel", "def helper(p):\n    return p\n\n@kernel"), "made = 0", "made = helper(0)",
@@ -187,25 +165,18 @@ MISTAKES = {
     "record_writes": Mistake(
         RECORDER, RECORD, "simulation.population.crowd.position[:] += 1", "simulation", "read-only", "only read"
     ),
-    "record_signature": Mistake(
-        RECORDER, "record(self, simulation)", "record(self)", "def record", r"record\(self\)", "define record"
-    ),
-    "finish_raises": Mistake(RECORDER, "        pass\n", "        open('no/such/file')\n", "open", "No such", CORRECT),
     # Importers
     "read_returns_nothing": Mistake(IMPORTER, "return plan", "pass", "def read", "returns None", "return a Plan"),
     "no_read": Mistake(IMPORTER, READS, "", "class Reads", r"no read\(\)", "add it"),
-    "read_raises": Mistake(IMPORTER, "plan = Plan(path)", "plan = {}['walls']", "plan =", "KeyError: 'walls'", CORRECT),
     "suffix_without_dot": Mistake(IMPORTER, '".zz"', '"zz"', "suffixes", r"\('zz',\)", "tuple of endings"),
     # Exporters
     "write_returns_nothing": Mistake(EXPORTER, "        return [path]\n", "", "def write", "None", "return the paths"),
     "write_writes_nothing": Mistake(
         EXPORTER, WRITE, "        return [path]\n", "def write", "no path of an existing file", "return the paths"
     ),
-    "write_raises": Mistake(EXPORTER, "trajectory.time", "trajectory.tme", "np.savez", "no attribute 'tme'", CORRECT),
     "write_changes_data": Mistake(
         EXPORTER, WRITE, "        trajectory.radius[:] = 0\n" + WRITE, "trajectory", "read-only", "copy the arrays"
     ),
-    "export_suffix_without_dot": Mistake(EXPORTER, '".npz"', '"npz"', "suffix", "suffix is 'npz'", "with|ending"),
 }  # fmt: skip
 
 #: Solvers whose results are wrong: the run goes on with a stronger solver, and has a quality warning.
