@@ -66,23 +66,19 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
         ("building.file=a.msh", "building.file: unknown key; did you mean 'mesh'?"),
         ("people.pupils.numbr=3", "people.pupils.numbr: unknown key; did you mean 'number'?"),
         ("people.0.number=2.5", "people.pupils.number: must be a valid integer, got 2.5"),
-        ("simulation.duration=0", "simulation.duration: must be greater than 0, got 0"),
         ("simulation.duration=inf", "simulation.duration: must be a finite number, got inf"),
         ("simulation.no_progress=nan", "simulation.no_progress: must be greater than 0, got nan"),
-        ("simulation.seed=true", "simulation.seed: must be a valid integer, got True"),
         (
             "simulation.tick=0.035",
             "simulation.tick: 0.035 s is not a multiple of simulation.step 0.01 s; "
             "use tick = 0.03 or 0.04, or step = 0.00875 or 0.0116667",
         ),
         ("output.every=0.25", "output.every: 0.25 s is not a multiple of simulation.tick 0.1 s; use 0.2 or 0.3"),
-        ("output.animation=1", "output.animation: must be a valid boolean, got 1"),
         (
             "people.teacher.strategy=fastes",
             "people.teacher.strategy: must be 'shortest', 'fastest' or 'comfortable', got 'fastes'; "
             "did you mean 'fastest'?",
         ),
-        ("people.pupils.radius=0", "people.pupils.radius: must be at least 0.01, got 0"),
         (
             "people.pupils.speed={unifrm=[1, 2]}",
             "people.pupils.speed: unknown distribution 'unifrm'; did you mean 'uniform'?",
@@ -106,12 +102,9 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
         ("people.pupils.level=ground",
          "people.pupils.level: can be used only with positions, not with area and number; remove it"),
         ("people.teacher.name=pupils", "people.1.name: 'pupils' names two groups; rename one"),
-        ("people=[]", "people: must have at least 1 item, not 0, got []"),
         ("simulation=3", "simulation: must be a table, got 3"),
         ("building.plan='a.plan.toml'", "building.plan: must be a table; a file is named by mesh = 'a.plan.toml'"),
         ("building.flat_angle=60", "building.flat_angle: must be less than walkable_angle 50, got 60"),
-        ("directions.clearance=-1", "directions.clearance: must be greater than or equal to 0, got -1"),
-        ("directions.order=3", "directions.order: must be 1 or 2, got 3"),
         (
             'building.exits=[{name="door", segment=[[0,0],[0,0]], z=0}]',
             "building.exits.door.segment: its two ends are the same point [0.0, 0.0]; draw it along the door",
@@ -129,19 +122,14 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
         ("contact.model=sofd", "contact.model: unknown contact model 'sofd'; did you mean 'soft'?"),
         ("contact.hrad.solver=cg", "contact.hrad: unknown contact model; did you mean 'hard'?"),
         ("contact.soft.stiffness=-1", "contact.soft.stiffness: must be greater than 0 N/m, got -1"),
-        ("contact.hard.solver=c", "contact.hard.solver: unknown value 'c'; did you mean 'cg'?"),
         ("contact.hard.xyz=1",
          "contact.hard.xyz: 'hard' has no such parameter; known: solver"),
         ("forces.pusch.strength=1", "forces.pusch: unknown force; did you mean 'push'?"),
-        ("forces.push=3", "forces.push: must be a table of parameters, or false to switch it off, got 3"),
         ("behaviours.wait.time={uniform=[-1, 1]}", "behaviours.wait.time: must be at least 0, got -1"),
-        ("people.pupils.behaviours.wait.time=-2", "people.pupils.behaviours.wait.time: must be at least 0, got -2"),
         ("people.pupils.behaviours.wait.shared=true",
          "people.pupils.behaviours.wait.shared: 'wait' has no such parameter; known: leader, time"),
         ("people.pupils.behaviours.wiat.time=2",
          "people.pupils.behaviours.wiat: unknown behaviour; did you mean 'wait'?"),
-        ("importers.drawn.unit=feet", "importers.drawn.unit: unknown value 'feet'; known: m, mm"),
-        ("plugins.files=[3]", "plugins.files.0: must be a valid string, got 3"),
     ],
 )  # fmt: skip
 def test_a_fault_is_one_line_with_file_key_and_fix(case_file, registry, override, line):

@@ -419,54 +419,6 @@ def test_a_picture_lies_under_a_storey_and_is_scaled_by_two_points(page, tmp_pat
     assert not file.with_name("house.plan.toml.pictures").exists()
 
 
-def test_the_toolbar_by_the_mouse(page):
-    def push(selector):
-        box = page.run(f"document.querySelector({selector!r}).getBoundingClientRect().toJSON()")
-        page.browser.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-        page.browser.settle()
-
-    page.run("editor.view.zoomAt(0.7, [3, 4])")  # so that there is space at the right
-    page.browser.settle()
-    ground, zoom = page.colour(16.5, 3.5).mean(axis=0), page.run("editor.view.zoom")
-    for name in ("wall", "door", "exit", "stair", "area", "measure", "select", "obstacle", "room"):
-        push(f"#tools [value={name}]")
-        assert page.run("document.querySelector('#tools [aria-pressed=true]').value") == name
-    page.drag((14, 0), (17, 4))
-    page.judged()
-    page.keys("Escape", "Escape")
-    assert page.colour(16.5, 3.5).mean(axis=0).min() > 250 > ground.min()
-    push("#tools [value=obstacle]")
-    page.drag((16, 3), (16.9, 3.9))
-    page.judged()
-    page.keys("Escape", "Escape")
-    assert page.colour(16.5, 3.5).mean(axis=0).min() < 250
-    push("#undo")
-    page.judged()
-    assert page.colour(16.5, 3.5).mean(axis=0).min() > 250
-    push("#undo")
-    push("#redo")
-    push("#add-storey")
-    assert page.text("#told") == "Draw its rooms"
-    push("#save")
-    page.browser.wait("document.getElementById('saved').textContent === 'Saved'")
-    plan = tomllib.loads(page.server.session.file.read_text())
-    assert plan["rooms"][-1]["polygon"] == [[14, 0], [17, 0], [17, 4], [14, 4]]
-    assert [row["z"] for row in plan["storeys"]] == pytest.approx([0, 3.2, 6.4])
-    page.run("editor.act.goTo('ground')")
-    push("#fit")
-    assert page.run("editor.view.zoom") != zoom
-    push("#theme")
-    assert page.colour(-1, -1).mean() < 60
-    push("#view-3d")
-    assert page.run("document.getElementById('view').hidden")
-    push("#view-plan")
-    push("#theme")
-    assert page.colour(-1, -1).mean() > 200
-    push("#show-help")
-    assert "undo, redo" in page.text("#help")
-    page.run("document.getElementById('help').close()")
-
-
 def test_the_focus_goes_everywhere_and_is_seen(page):
     tab = {"key": "Tab", "code": "Tab", "windowsVirtualKeyCode": 9}
     seen = {}

@@ -1,7 +1,6 @@
 """Buildings made by others (../shared/data/foreign) are imported as independent libraries read them (foreign.csv)."""
 
 import csv
-import html
 import resource
 from collections import defaultdict
 from pathlib import Path
@@ -10,10 +9,8 @@ import numpy as np
 import pytest
 import shapely
 
-import evac
 from evac import BuildingError, import_building
 from evac.building.model.links import levels_reaching
-from evac.cli.main import main
 from evac.importing.rooms import NEGLIGIBLE
 
 FOREIGN = Path(__file__).parents[3] / "shared" / "data" / "foreign"
@@ -110,60 +107,3 @@ def test_a_product_whose_shape_has_no_end_is_named(tmp_path):
     with pytest.raises(BuildingError, match=r"IfcWallStandardCase #218 .* takes more than 2 s"):
         import_building([FOREIGN / "ios_411_walls.ifc"], tmp_path, options={"product_time": 2.0})
     assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - started < 60.0
-
-
-#: What is added to the imported case: a closing door, people who arrive, and two wheelchairs, one of them upstairs.
-#: Its refuge is beside the way of the others: in the hallway it would stand between them and their stair.
-ADDED = """
-[[people]]
-name = "wheelchair below"
-preset = "wheelchair"
-area = "B102 Living Room"
-number = 1
-
-[[people]]
-name = "wheelchair above"
-preset = "wheelchair"
-area = "B202 Bedroom 1"
-number = 1
-
-[[people]]
-name = "visitors"
-preset = "person"
-arrive = { times = [2.0, 5.0, 8.0, 14.0], exit = "door 171853" }
-exits = ["door 146678"]
-
-[[place]]
-name = "bathroom"
-kind = "refuge"
-area = "B204 Bathroom 2"
-
-[[event]]
-time = 10.0
-kind = "close"
-target = "door 146596"
-"""
-
-
-@pytest.mark.slow
-def test_an_imported_building_runs_with_a_closing_door_arrivals_and_wheelchairs(tmp_path):
-    case, folder = tmp_path / "duplex", tmp_path / "result"
-    assert main(["import", str(FOREIGN / "Ifc2x3_Duplex_Architecture.ifc"), "--out", str(case)]) == 0
-    with (case / "case.toml").open("a", encoding="utf-8") as file:
-        file.write(ADDED)
-    assert main(["run", str(case), "--out", str(folder)]) == 0
-    assert main(["report", str(folder)]) == 0
-    results = evac.read_results(folder)
-    rows = {group.name: group.rows for group in results.groups}
-    exits, out, used = list(results.exits), results.crowd.exit_time, results.crowd.exit_used
-    assert results.ended == "everybody out or at a safe place"
-    assert [place.people for place in results.places] == [tuple(rows["wheelchair above"])]
-    assert exits[used[rows["wheelchair below"][0]]] in ("door 146678", "door 171853")
-    assert (results.crowd.arrival_time[rows["visitors"]] >= np.array([2.0, 5.0, 8.0, 14.0]) - 1e-9).all()
-    assert np.isfinite(out[rows["visitors"]]).all()
-    by_closed = out[used == exits.index("door 146596")]
-    assert len(by_closed)
-    assert by_closed.max() < 11.0
-    (change,) = results.changes
-    assert change.words in html.unescape((folder / "report.html").read_text(encoding="utf-8"))
-    assert (folder / "replay.html").stat().st_size > 20_000

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ def test_flows_are_those_of_the_people(folder):
     assert passed[-1] == behind  # everybody who starts on the other side of the line
 
 
-def test_summary_pictures_and_what_is_read_have_the_same_flows(folder):
+def test_summary_pictures_and_what_is_read_have_the_same_flows(folder, tmp_path):
     results = evac.read_results(folder)
     summary = json.loads((folder / "summary.json").read_text())
     assert [(use["kind"], use["name"]) for use in summary["flows"]] == [("exit", "door"), ("line", "across")]
@@ -52,6 +53,8 @@ def test_summary_pictures_and_what_is_read_have_the_same_flows(folder):
     shown = {flow.name: flow.flow for flow in recorded_flows(results.trajectory)}
     assert shown["door"] == summary["flows"][0]["flow"]
     assert shown == {flow.name: flow.flow for flow in results.flows}
+    shutil.copy(folder / "trajectory.evac", tmp_path)  # as of a killed run
+    assert [flow.name for flow in recorded_flows(evac.read_trajectory(tmp_path))] == ["across"]
 
 
 def test_people_from_stairs_and_from_the_floor_merge_in_a_row_of_the_tables():

@@ -88,3 +88,23 @@ def test_phases_have_those_who_start_in_their_places():
     results = evac.run(evac.load(table | {"behaviours": {"response_time": {}}}), progress=False)
     found = {phase["name"]: (phase["people"], phase["alarm"], [*phase["clear"]]) for phase in results.phase}
     assert found == {"upper": (3, 2.0, ["s1"]), "lower": (2, 4.0, ["s0"])}
+
+
+def test_stairs_have_their_pieces_and_the_portals_between_them_alone():
+    plan = evac.Plan()
+    plan.storey("low", box(0, 0, 8, 4))
+    plan.storey("high", box(13, 0, 20, 4), z=2.0)
+    plan.stair("east", "low", [(8, 2.5), (8, 3.5)], "high", [(13, 2.5), (13, 3.5)], landing=1.2)
+    plan.flight("west", [(8, 0.5), (8, 1.5)], 0.0, [(12, 0.5), (12, 1.5)], 2.0)
+    plan.landing("west", box(12, 0.5, 13, 1.5), 2.0)
+    plan.exit("out", "low", [(0, 0.5), (0, 1.5)])
+    people = [{"name": "one", "positions": [[14.0, 1.0]], "level": "high", "speed": 1.5}]
+    results = evac.run(evac.load({"building": plan, "people": people, "contact": {"model": "nsm2"}}), progress=False)
+    for stair, pieces in (("west", 2), ("east", 3)):
+        own = {level.index: level.name for level in results.building.levels if level.stair == stair}
+        use = results.stairs[stair]
+        assert (len(own), use["people"]) == (pieces, stair == "west")
+        assert use["pieces"] == {name: index for index, name in own.items()}
+        inner = {one.name: one.index for one in results.building.portals if {*one.levels} <= own.keys()}
+        assert use["portals"] == inner
+        assert len(inner) == pieces - 1
