@@ -20,6 +20,10 @@ def test_counts_and_exit_status(results):
     assert replace(results, crowd=everybody).exit_status == 0
     nobody = results.crowd.replace(exit_time=np.full(5, np.nan))
     assert replace(results, crowd=nobody).last_out is None
+    assert (results.leaving.tolist(), results.not_arrived) == ([0, 1, 2, 3, 4], 0)
+    late = results.crowd.replace(arrival_time=np.array([0.0, 0.0, np.nan, 0.0, 0.0]))
+    late = replace(results, crowd=late)
+    assert (late.leaving.tolist(), late.not_arrived) == ([0, 1, 3, 4], 1)
 
 
 def test_who_left_by_an_exit_that_the_route_does_not_name_is_counted(results, make_results):
