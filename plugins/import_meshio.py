@@ -1,4 +1,4 @@
-"""Importer of formats read by meshio: Gmsh 2.2 and 4.1, VTK unstructured grids, STL.
+"""Importer of formats read by meshio: Gmsh 2.2 and 4.1, VTK unstructured grids, OFF, PLY, STL.
 
 Tags are names ``kind:NAME``. They are defined by
 
@@ -28,10 +28,10 @@ Tags = dict[str, list[BoolArray]]
 
 
 class MeshioImporter(Importer):
-    """Gmsh files (.msh, 2.2 and 4.1), VTK unstructured grids in one piece (.vtu) and STL files."""
+    """Gmsh files (.msh, 2.2 and 4.1), VTK unstructured grids in one piece (.vtu), OFF, PLY and STL files."""
 
     name = "meshio"
-    suffixes = (".msh", ".stl", ".vtu")
+    suffixes = (".msh", ".off", ".ply", ".stl", ".vtu")
 
     def read(self, path: Path) -> SurfaceMesh:
         """Read vertices, surface cells and tags; raise ValueError if the file is damaged."""
@@ -44,8 +44,12 @@ class MeshioImporter(Importer):
         blocks: dict[int, IndexArray] = {}  # by their numbers in the file
         notes = []
         for number, block in enumerate(mesh.cells):
-            sizes = CORNERS | {"polygon": np.shape(block.data)[-1]}
+            sizes = CORNERS | {"polygon": max(np.shape(block.data)[-1], 3)}
             corners = sizes.get(block.type.rstrip("0123456789"), 0)
+            if corners and np.shape(block.data)[-1] < corners:  # meshio reads the rest of a line that is cut off
+                raise ValueError(
+                    f"a cell of type {block.type!r} has {np.shape(block.data)[-1]} corners: a line is cut off"
+                )
             if corners and len(block.data):
                 blocks[number] = np.asarray(block.data, dtype=np.int64)[:, :corners]
             elif len(block.data) and block.type != "vertex":

@@ -64,6 +64,25 @@ $Elements
 $EndElements
 """
 
+PLY = """ply
+format ascii 1.0
+element vertex 5
+property float x
+property float y
+property float z
+property uchar red
+element face 2
+property list uchar int vertex_indices
+end_header
+0 0 0 255
+4 0 0 255
+4 3 0 255
+0 3 0 255
+6 1 0 255
+4 0 1 2 3
+3 1 4 2
+"""
+
 
 def read_mesh(path):
     """Return the triangles in a file, checked."""
@@ -83,6 +102,14 @@ def test_gmsh_41_with_physical_groups(tmp_path, stair_mesh, assert_same_building
     assert building.stairs == {"main": (1,)}
     assert_same_building(building, read_building(stair_mesh.write_gmsh22(tmp_path / "old.msh")))
     assert_same_building(building, read_building(stair_mesh.write_vtu(tmp_path / "building.vtu")))
+
+
+def test_ply_with_colours_and_polygons(tmp_path):
+    path = tmp_path / "a.ply"
+    path.write_text(PLY)
+    mesh = read_mesh(path)
+    np.testing.assert_array_equal(mesh.points, [[0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 3, 0], [6, 1, 0]])
+    assert len(mesh.triangles) == 3
 
 
 def test_an_upright_wall_may_zigzag_in_plan(tmp_path):
@@ -158,6 +185,9 @@ def test_gmsh_22_with_negative_groups(tmp_path, stair_mesh):
             "v 1 2 5\nv 5 2 5\nv 1 4 5\nv 5 4 5\nf 1 2 3 4\n",
             r"polygon at \(1\.00, 2\.00, 5\.00\) crosses itself",
         ),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n", "cannot be read"),
+        ("a.ply", "nothing", "cannot be read"),
+        ("a.ply", PLY[:-4], "cut off"),
         ("a.stl", "nothing", "cannot be read"),
         ("a.vtu", "nothing", "cannot be read"),
         ("a.vtu", "", "the file is empty"),

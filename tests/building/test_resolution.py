@@ -17,7 +17,7 @@ def test_float32_utm_coordinates_are_refused(mesh, tmp_path):
         read_building(mesh.write_obj(tmp_path / "a.obj"), need_exit=False)
 
 
-@pytest.mark.parametrize("name", ["a.stl", "a.vtu"])
+@pytest.mark.parametrize("name", ["a.stl", "a.vtu", "a.ply"])
 def test_float32_of_any_format_is_recognized(tmp_path, name):
     corners = np.array([[0.1, 0.2, 0], [6.3, 0.4, 0], [6.1, 4.7, 0], [0.3, 4.1, 0]]) + np.array([*UTM, 0.0])
     mesh = meshio.Mesh(corners.astype(np.float32), [("triangle", [[0, 1, 2], [0, 2, 3]])])

@@ -74,13 +74,13 @@ def test_elevation_is_exact(u_stair):
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("name", ["a.stl", "text.stl", "a.vtu", "a.obj"])
+@pytest.mark.parametrize("name", ["a.ply", "text.ply", "a.stl", "text.stl", "a.off", "a.vtu", "a.obj"])
 def test_same_building_from_every_format_and_order(u_stair, u_stair_path, tmp_path, assert_same_building, name, seed):
     points, triangles = shuffled(*read_plain(u_stair_path), seed)
-    if name.endswith(".stl"):
+    if name.endswith((".ply", ".stl")):
         points, triangles = unwelded(points, triangles)
     mesh = meshio.Mesh(points, [("triangle", triangles.astype(np.int32))])
-    options = {"binary": "text" not in name} if name.endswith(".stl") else {}
+    options = {"binary": "text" not in name} if name.endswith((".ply", ".stl")) else {}
     mesh.write(tmp_path / name, **options)
     other = read_building(tmp_path / name, exits=[EXIT])
     assert_same_building(u_stair, other)
