@@ -661,10 +661,14 @@ class Results:
         fields = adapter(Results).dump_python(self, by_alias=True, warnings=False)
         return {key: plain(value) for key, value in ({"title": self.title} | values | fields).items()}
 
-    def with_phases(self, phases: Mapping[str, float]) -> "Results":
-        """Return the results with other wall times [s]; what has been computed from the rest is kept."""
-        results = replace(self, phases=phases)
-        vars(results).update({name: value for name, value in vars(self).items() if name not in vars(results)})
+    def with_values(self, **values: Any) -> "Results":
+        """Return the results with other wall times, files or folder; what has been computed from the rest is kept.
+
+        The trajectory is read again from another folder.
+        """
+        results = replace(self, **values)
+        gone = {"trajectory"} if "folder" in values else set()
+        vars(results).update({name: value for name, value in vars(self).items() if name not in {*vars(results), *gone}})
         return results
 
     def write(self, folder: str | Path) -> None:

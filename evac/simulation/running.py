@@ -6,7 +6,6 @@ import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import replace
 from numbers import Real
 from pathlib import Path
 from types import FrameType, TracebackType
@@ -291,15 +290,15 @@ def run_into(
 def _published(simulation: Simulation, place: ResultFolder, results: Results, is_whole: bool) -> Results:
     """Write the tables and the summary of a run that has ended or failed, and publish its folder."""
     place.check()
-    results = replace(results, plugin_files=simulation.recording.plugin_files())
+    results = results.with_values(plugin_files=simulation.recording.plugin_files())
     if results.case.output.tables:
         results.write_tables(place.running)
-    results = results.with_phases(simulation.phases.seconds())
+    results = results.with_values(phases=simulation.phases.seconds())
     results.write_summary(place.running)
     folder = place.publish() if is_whole else place.publish_if_new()
     if is_whole:
         (folder / CHECKPOINT_NAME).unlink(missing_ok=True)
-    return replace(results, folder=folder)
+    return results.with_values(folder=folder)
 
 
 def draw_pictures(results: Results, is_stopped: Callable[[], bool]) -> list[str]:

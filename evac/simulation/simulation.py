@@ -307,7 +307,9 @@ class Simulation(Saved):
                 raise
             finally:
                 self.recording.finish(self, self.registry, results, error)
-        return replace(results, phases=self.phases.seconds(), recorded=self.recording.in_memory())
+        results = results.with_values(phases=self.phases.seconds())
+        memory = self.recording.in_memory()  # also the last state
+        return results if memory is None else replace(results, recorded=memory)
 
     def advance_tick(self, act: Callable[[], object] | None = None) -> None:
         """Advance by one tick: everything in ``loop.operations``, in order; `ended` is set after the last tick.

@@ -15,6 +15,8 @@ from unittest.mock import Mock
 import pytest
 
 import evac
+import evac.results.results as results_module
+from evac.analysis import lines
 from evac.base.errors import FolderWarning, PluginError
 from evac.results.ending import INTERRUPTED, Stopped
 from evac.results.results import Results
@@ -201,6 +203,22 @@ def test_every_file_of_a_run_is_written_once(tmp_path, monkeypatch):
     ]
     assert {"summary.json", "people.csv", "egress.png", "building.vtm"} <= {Path(path).name for path in written}
     assert sorted(name.replace("r.running", "r") for name in replaced) == sorted(written)
+
+
+def test_queues_and_flows_are_found_once_for_replay_tables_and_summary(tmp_path, monkeypatch):
+    found = []
+
+    def counted(make, *given):
+        found.append(make.__name__)
+        return make(*given)
+
+    for name, owner in (("find_queues", results_module), ("line_flows", lines)):
+        monkeypatch.setattr(owner, name, partial(counted, getattr(owner, name)))
+    results = run(evac.load("square_room", {"output.picture": False, "simulation.duration": 2.0}), tmp_path / "r")
+    assert results.flows
+    assert isinstance(results.queues, tuple)
+    assert found == ["line_flows", "find_queues"]
+    assert results.trajectory.path.parent == tmp_path / "r"
 
 
 @pytest.mark.parametrize("raised", [ValueError("no picture"), KeyboardInterrupt()])
