@@ -33,12 +33,3 @@ def test_smoke_closes_one_of_two_stairs_and_everybody_takes_the_other():
     assert results.stairs["west"]["people"] < 10  # who turn back on it
     assert results.conditions["findings"] == []
     assert results.exit_status == 0
-
-
-def test_without_looking_at_the_smoke_people_go_through_it():
-    results = Simulation(evac.load("office_fire", {"smoke.routes": False, "directions.spacing": 0.2})).run()
-    assert 30 <= results.exits["west door"]["people"] <= 55
-    assert results.conditions["greatest_extinction"] > 4.0
-    doses = results.exposure["gas_dose"]
-    assert 0.01 < doses.max() < 0.1
-    assert results.people.loc[doses.argmax(), "exit"] == "west door"

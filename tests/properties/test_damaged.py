@@ -213,7 +213,7 @@ EDITS = {"cut": cut, "garbled": garbled, "value": another_summary, "cell": anoth
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("edit", [("summary.json", "value"), ("summary.json", "cut"), ("people.csv", "cell")])
-@drawn(5)
+@drawn(3)
 def test_edited_tables_of_a_result_are_shown_or_refused_by_their_name(edit, seed, tmp_path_factory, result):
     (name, how), tmp_path = edit, tmp_path_factory.mktemp("edited")
     shutil.copytree(result, tmp_path / "r")

@@ -229,7 +229,7 @@ def table_of(generator: random.Random) -> dict[str, Any]:
         "directions": {"spacing": generator.choice([0.1, 0.2, 0.25, 0.25])},
         "behaviours": behaviours,
         "simulation": {
-            "duration": generator.choice([4.03, 6.0, 60.0]),
+            "duration": generator.choice([4.03, 6.0, 30.0]),
             "no_progress": 10.0,
             "tick": TICK,
             "seed": generator.randrange(99),
