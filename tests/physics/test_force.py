@@ -121,6 +121,20 @@ def pushes(force, place, building=None, level=0, **settings):
     return found
 
 
+def test_who_leaves_within_a_tick_hides_nobody_from_a_force():
+    """One step a tick or ten: those who are listed after somebody who has left are pushed all the same."""
+    building, found = make_building(exits=[(0, (1.0, 0.51, -1.0, 0.51))]), []
+    for tick in (1, 10):
+        places = [(-0.5, 0.0), (0.0, 0.0), (0.0, 0.5), (0.5, 0.0)]
+        crowd = make_crowd(places, [(0, 0), (0, 0), (0, 2), (0, 0)], radius=0.1, tau=FREE)
+        engine = make_engine(crowd, building, forces=[Both()])
+        for first in range(0, 10, tick):
+            engine.advance(Dem(), crowd, first, tick, 0.01, True, False)
+        assert crowd.level.tolist() == [0, 0, -1, 0]
+        found.append(crowd.position)
+    np.testing.assert_array_equal(*found)
+
+
 def test_a_constant_force_moves_a_person_as_exactly_known():
     """u = f tau / m (1 - exp(-t / tau)), with the exponential update exact at every step."""
     crowd = make_crowd([(0, 0)], mass=80.0, tau=0.5)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from evac.base.errors import PluginError
 from evac.base.parameters import Parameter
 from evac.jit import pair_contact, pair_friction
 from evac.physics.contact.model import border_scene
@@ -157,6 +158,13 @@ def test_collisions_of_stiff_contacts_keep_their_speed(model):
         engine = walk(model, crowd, 20)
         assert crowd.velocity[1, 0] - crowd.velocity[0, 0] == pytest.approx(1.5, rel=0.1)
         assert engine.report()["too_stiff_steps"] > 0
+
+
+def test_a_law_that_only_attracts_is_refused_and_one_that_does_nothing_is_not():
+    scene = border_scene(make_crowd([(0, 0), (1, 0)]), 0.01, False)
+    with pytest.raises(PluginError, match=r"'linear': .*linear returns -\d.* N for the gap .*repulsive"):
+        Linear(stiffness=-1e3).check_scene(scene)
+    Linear(stiffness=0.0).check_scene(scene)
 
 
 def test_bodies_push_and_do_not_pull():
