@@ -178,13 +178,6 @@ def test_what_an_address_is_called_with_is_what_the_kernel_takes():
             call_two.check(odd, "part", None)
 
 
-# What kernels cannot do
-
-
-def replacing(scales: Scales, values: Floats) -> None:
-    scales.values = values
-
-
 @inlined
 def triple(x):
     return 3.0 * x
