@@ -139,6 +139,7 @@ def test_maps_show_what_is_closed_at_their_end_and_say_when(trajectory):
 
 
 def test_the_report_has_the_state_from_each_time_and_no_file_of_a_plugin(result):
-    assert evac.Results.read(result).summary()["plugin_files"] == []
-    section = str(building_section(evac.read_results(result)))
+    results = evac.read_results(result)
+    assert results.summary()["plugin_files"] == []
+    section = str(building_section(results))
     assert "open, closed from 2 s on" in section
