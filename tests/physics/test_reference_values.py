@@ -71,11 +71,12 @@ def test_three_equal_discs_in_line(kind, mass, expected, solver):
     np.testing.assert_array_equal(velocity[:, 1], 0.0)
 
 
-def test_a_pair_within_reach_that_parts_leaves_the_next_one_its_collision():
-    velocity = [(-1.5, 0), (1.5, 0), (1, 0), (-1, 0)]
-    crowd = make_crowd([(0, 0), (0.42, 0), (5, 0), (5.4, 0)], velocity, mass=80.0, tau=FREE)
+def test_pairs_within_reach_that_part_leave_the_one_between_them_its_collision():
+    places = [(0, 0), (0.42, 0), (5, 0), (5.4, 0), (10, 0), (10.42, 0)]
+    before = [-1.5, 1.5, 1.0, -1.0, -1.5, 1.5]
+    crowd = make_crowd(places, [(x, 0) for x in before], mass=80.0, tau=FREE)
     walk(Nsm2(normal_dissipation=0.0, **TIGHT), crowd, 1)
-    np.testing.assert_allclose(crowd.velocity[:, 0], [-1.5, 1.5, 0.0, 0.0], **EXACT)
+    np.testing.assert_allclose(crowd.velocity[:, 0], [-1.5, 1.5, 0.0, 0.0, -1.5, 1.5], **EXACT)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
