@@ -10,7 +10,7 @@ from evac.conditions.exposure import Exposure
 from evac.people.population import Group
 from evac.physics.state import make_crowd
 from evac.simulation.scene import Scene
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 from tests.conditions.corridor import standing
 
 
@@ -107,7 +107,7 @@ def test_people_who_stand_in_gases_are_stopped_when_iso_19_says(co2, co, o2, tim
 def exposed(people, dose=None, seed=1, groups=None, **air):
     """Return the exposure of people who stand in gases, without a loop in which nobody moves."""
     case = standing(dose, **air).change({"simulation.seed": seed})
-    simulation = Simulation(case, will_run=False)
+    simulation = simulation_of(case, will_run=False)
     crowd = make_crowd(np.full((people, 2), 1.0))
     groups = {"p": np.arange(people)} if groups is None else groups
     own = [Group(name, np.array(rows, np.int32), {}) for name, rows in groups.items()]

@@ -12,6 +12,7 @@ from evac.analysis.measures import records
 from evac.cli.main import main
 from evac.conditions.law import share_with_irritants
 from evac.export.vtk import people_polydata
+from evac.simulation.shared import simulation_of
 from evac.simulation.simulation import Simulation
 from evac_buildings.office_fire.write_slices import CO, EXTINCTION, write_slices
 from tests.conditions.corridor import corridor, prescribed, standing, two_storeys
@@ -22,7 +23,7 @@ DOSE = {"heat": "none", "threshold": 0.05}
 
 
 def test_values_are_linear_between_times():
-    simulation = Simulation(corridor(prescribed(times=[0, 10, 20], values={"extinction": [0, 4, 0]}, hold=True)))
+    simulation = simulation_of(corridor(prescribed(times=[0, 10, 20], values={"extinction": [0, 4, 0]}, hold=True)))
     air, at = simulation.exposure.air, (np.zeros(1, np.int32), np.array([[50.0, 1.0]]), np.array([1.5]))
     found = [air.at(("extinction",), time, *at)[0, 0] for time in (0.0, 2.5, 10.0, 15.0, 20.0, 99.0)]
     np.testing.assert_allclose(found, [0.0, 1.0, 4.0, 2.0, 0.0, 0.0])
@@ -31,12 +32,12 @@ def test_values_are_linear_between_times():
 def test_a_run_that_outlasts_its_data_fails_unless_they_hold():
     table = prescribed(times=[0, 10], values={"extinction": [0, 1]})
     with pytest.raises(evac.ScenarioError, match=r"conditions\.0: the values end at 10 s .* hold = true"):
-        Simulation(corridor(table)).run()
-    held = Simulation(corridor({**table, "hold": True}))
+        simulation_of(corridor(table)).run()
+    held = simulation_of(corridor({**table, "hold": True}))
     assert held.run().ended == "everybody out"
     late = {**table, "start": 4.0}
     with pytest.raises(evac.ScenarioError, match="the values end at 6 s"):
-        Simulation(corridor(late)).run()
+        simulation_of(corridor(late)).run()
 
 
 def test_people_read_the_air_where_they_are():
@@ -46,7 +47,7 @@ def test_people_read_the_air_where_they_are():
     tables = [prescribed(float(k), area=f"a{k}") for k in range(10)]
     case = corridor(*tables)
     case = case.change({"building.areas": areas})
-    simulation = Simulation(case)
+    simulation = simulation_of(case)
     crowd, times = simulation.population.crowd, {}
     while not simulation.ended:
         before = crowd.position[0, 0]
@@ -62,7 +63,7 @@ def test_people_read_the_air_where_they_are():
 def test_a_child_walks_below_smoke_that_slows_others():
     case = corridor(prescribed(5.0, above=1.3), positions=((0.5, 0.6), (0.5, 1.4)))
     heights = {"people.p.height": {"list": [1.0, 1.8]}}
-    simulation = Simulation(case.change(heights))
+    simulation = simulation_of(case.change(heights))
     results = simulation.run()
     np.testing.assert_array_equal(results.exposure["greatest_extinction"], [0.0, 5.0])
     assert results.crowd.exit_time[1] > 1.5 * results.crowd.exit_time[0]
@@ -131,7 +132,7 @@ def before_a_door(folder, model, walking, strategy="fastest"):
 
 @pytest.mark.parametrize(("model", "walking"), [("dem", False), ("nsm1", False), ("nsm2", True)])
 def test_people_who_are_stopped_before_a_door_are_not_pushed_away_but_passed(tmp_path, model, walking):
-    results = Simulation(before_a_door(tmp_path, model, walking)).run()
+    results = simulation_of(before_a_door(tmp_path, model, walking)).run()
     assert (results.ended, results.exit_status, results.evacuated) == ("everybody out who can move", 3, 20)
     (stopped,) = results.stopped
     assert results.staying == 0  # who does not leave either is named once
@@ -144,10 +145,10 @@ def test_people_who_are_stopped_before_a_door_are_not_pushed_away_but_passed(tmp
 def test_runs_with_slices_and_stopped_people_have_the_same_bits_resumed_and_full(tmp_path):
     case = before_a_door(tmp_path, "nsm2", True, "quickest").change({"smoke.period": 1.0, "people.p.speed": 2.0})
     case = case.change({"dose.susceptibility": "log-normal"})
-    whole, first = run_ticks(Simulation(case), 90), run_ticks(Simulation(case), 41)
+    whole, first = run_ticks(simulation_of(case), 90), run_ticks(simulation_of(case), 41)
     assert first.exposure.stopped.any()
     assert first.scene.smoky is not None
-    resumed = Simulation(case)
+    resumed = simulation_of(case)
     resumed.restore(first.state())
     for other in (run_ticks(resumed, 49), run_ticks(Simulation(case, full=True), 90)):
         assert_same_bits(whole, other)
@@ -166,7 +167,7 @@ def test_runs_with_slices_and_stopped_people_have_the_same_bits_resumed_and_full
 )
 def test_a_quantity_that_is_missing_is_refused_or_declared_off(case, words):
     with pytest.raises(evac.ScenarioError) as error:
-        Simulation(case())
+        simulation_of(case())
     for word in words:
         assert word in str(error.value)
     assert "\n" not in str(error.value)
@@ -187,9 +188,9 @@ def test_a_level_on_which_a_source_lacks_what_another_has_elsewhere_is_refused()
     table = {"building": {"plan": plan}, "people": people, "contact": {"model": "nsm1"}, "dose": {"heat": "none"}}
     table["conditions"] = tables
     with pytest.raises(evac.ScenarioError, match=r"no source provides co .* on level 'b'.* dose\.without"):
-        Simulation(evac.load(table))
-    Simulation(evac.load({**table, "conditions": [*tables, prescribed(values=gases, level="b")]}))
-    Simulation(evac.load({**table, "conditions": tables[:1]}))
+        simulation_of(evac.load(table))
+    simulation_of(evac.load({**table, "conditions": [*tables, prescribed(values=gases, level="b")]}))
+    simulation_of(evac.load({**table, "conditions": tables[:1]}))
 
 
 SCRIPT = """
@@ -205,7 +206,7 @@ def test_without_conditions_nothing_of_the_room_is_used():
     used = {"evac.conditions.law", "evac.conditions.source"}
     assert set(ast.literal_eval(done.stdout.splitlines()[-1])) <= used
     case = evac.load("square_room", {"conditions": []})
-    assert Simulation(case, will_run=False).exposure is None
+    assert simulation_of(case, will_run=False).exposure is None
 
 
 def test_smoke_on_the_levels_is_recorded_and_read_by_behaviours(tmp_path):
@@ -262,11 +263,11 @@ def test_a_run_does_not_end_for_lack_of_progress_while_the_air_can_change():
     closing = {"event": [{"kind": "close", "target": "out", "time": 1.0}]}
     settings = {"simulation": {"duration": 200.0, "no_progress": 5.0}}
     smoke = prescribed(times=[0, 100], values={"extinction": [0.0, 1.0]}, hold=True)
-    ends = [Simulation(corridor(*air, **closing, **settings)).run() for air in ((), (smoke,))]
+    ends = [simulation_of(corridor(*air, **closing, **settings)).run() for air in ((), (smoke,))]
     assert [run.ended for run in ends] == ["no progress"] * 2
     assert ends[0].time < 95.0
     assert ends[1].time == pytest.approx(100.0, abs=1.1)
-    out = Simulation(corridor(smoke, dose={"heat": "none", "without": ["co", "co2", "o2"]})).run()
+    out = simulation_of(corridor(smoke, dose={"heat": "none", "without": ["co", "co2", "o2"]})).run()
     assert out.time == pytest.approx(out.last_out, abs=0.11)
 
 
@@ -282,7 +283,7 @@ def test_people_at_a_refuge_breathe_its_air(duration, stopped):
         smoke={"law": "none", "routes": False},
         simulation={"duration": duration},
     )
-    results = Simulation(case).run()
+    results = simulation_of(case).run()
     rate = 3.317e-5 * 20000.0**1.036 * 25.0 / 30.0 / 60.0
     assert len(results.stopped) == stopped
     assert results.exit_status == 3 * stopped

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import evac
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 from tests.conditions.corridor import prescribed
 
 ROOM = [[0, 0], [10, 0], [10, 4], [0, 4]]
@@ -24,7 +24,7 @@ def storeys(*tables, **more):
 
 def at(case, level, x, time, head=1.5, quantity="extinction"):
     """Return a value at a place, at a height above the floor."""
-    simulation = Simulation(case)
+    simulation = simulation_of(case)
     level = simulation.building.level_named(level)
     place = np.array([level.index], np.int32), np.array([[x, 2.0]]), np.array([level.z_min + head])
     return simulation.exposure.air.at((quantity,), time, *place)[0, 0]
@@ -77,6 +77,6 @@ def test_damaged_csv_files_are_refused_with_the_line_or_the_quantity(tmp_path, t
     path = tmp_path / "smoke.csv"
     path.write_bytes(text.encode("latin-1"))
     with pytest.raises(evac.ScenarioError) as error:
-        Simulation(storeys({"source": "prescribed", "file": str(path)}))
+        simulation_of(storeys({"source": "prescribed", "file": str(path)}))
     assert all(word in str(error.value) for word in ["smoke.csv", *words]), error.value
     assert "\n" not in str(error.value)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import evac
+from evac.simulation.shared import simulation_of
 from evac.simulation.simulation import Simulation
 from tests.conditions.corridor import two_storeys
 from tests.runs import assert_same_bits, run_ticks
@@ -44,7 +45,7 @@ def exits_of(results):
 
 
 def test_people_turn_back_in_front_of_smoke_if_there_is_another_way():
-    simulation = Simulation(two_ways(smoke("west", 2.0)))
+    simulation = simulation_of(two_ways(smoke("west", 2.0)))
     results = simulation.run()
     assert (results.ended, exits_of(results)) == ("everybody out", {"far"})
     assert results.conditions["routes"]["solves"] == 1
@@ -53,24 +54,24 @@ def test_people_turn_back_in_front_of_smoke_if_there_is_another_way():
 @pytest.mark.parametrize(("value", "used"), [(61.0, "far"), (59.0, "near")])
 def test_heat_turns_people_back_as_smoke_does(value, used):
     hot = {"source": "prescribed", "area": "west", "values": {"extinction": 0.0, "temperature": value}}
-    assert exits_of(Simulation(two_ways(hot)).run()) == {used}
+    assert exits_of(simulation_of(two_ways(hot)).run()) == {used}
     radiation = hot | {"values": {"extinction": 0.0, "radiation": value / 24.0}}
-    assert exits_of(Simulation(two_ways(radiation)).run()) == {used}
+    assert exits_of(simulation_of(two_ways(radiation)).run()) == {used}
 
 
 def test_people_go_through_smoke_if_there_is_no_other_way():
-    results = Simulation(two_ways(smoke("west", 2.0), smoke("east", 2.0))).run()
+    results = simulation_of(two_ways(smoke("west", 2.0), smoke("east", 2.0))).run()
     assert (results.ended, exits_of(results)) == ("everybody out", {"near"})
-    only = Simulation(two_ways(smoke("west", 2.0), **{"building.closed": ["far"]})).run()
+    only = simulation_of(two_ways(smoke("west", 2.0), **{"building.closed": ["far"]})).run()
     assert (only.ended, exits_of(only)) == ("everybody out", {"near"})
 
 
 def test_thin_smoke_turns_nobody_back_but_counts_with_the_speed_that_it_leaves():
-    assert exits_of(Simulation(two_ways(smoke("west", 0.9))).run()) == {"near"}
+    assert exits_of(simulation_of(two_ways(smoke("west", 0.9))).run()) == {"near"}
     stated = {"smoke.visibility": 5.0}
-    assert exits_of(Simulation(two_ways(smoke("west", 0.9), **stated)).run()) == {"far"}
+    assert exits_of(simulation_of(two_ways(smoke("west", 0.9), **stated)).run()) == {"far"}
     off = {"smoke.routes": False}
-    results = Simulation(two_ways(smoke("west", 2.0), **off)).run()
+    results = simulation_of(two_ways(smoke("west", 2.0), **off)).run()
     assert exits_of(results) == {"near"}
     assert results.conditions["routes"] is None
 
@@ -80,7 +81,7 @@ def test_travel_times_are_those_with_the_speeds_that_smoke_leaves():
     case = two_ways(
         {"source": "prescribed", "values": {"extinction": 0.5 * 0.706 / 0.057}}, **{"smoke.visibility": 0.0}
     )
-    simulation = Simulation(case)
+    simulation = simulation_of(case)
     crowd = simulation.population.crowd
     place = crowd.level, crowd.position.copy(), crowd.route, crowd.contact_radius
     clear = simulation.fields.travel_time_at(*place)
@@ -92,7 +93,7 @@ def test_travel_times_are_those_with_the_speeds_that_smoke_leaves():
 
 def test_smoke_that_closes_one_of_two_ways_sends_people_to_the_other():
     case = two_ways(smoke("west", 0.0, 0.0, 3.0, times=[0, 2, 4]), **{"smoke.period": 1.0, "people.p.speed": 0.8})
-    simulation = Simulation(case)
+    simulation = simulation_of(case)
     run_ticks(simulation, 20)
     towards = simulation.population.crowd.position[:, 0].mean()
     assert towards < 10.5
@@ -105,7 +106,7 @@ def test_smoke_that_closes_one_of_two_ways_sends_people_to_the_other():
 def test_a_door_that_closes_in_smoke_leaves_the_ways_of_smoke():
     event = {"kind": "close", "target": "far", "time": 3.0}
     case = two_ways(smoke("west", 2.0), event=[event])
-    simulation = Simulation(case)
+    simulation = simulation_of(case)
     run_ticks(simulation, 29)
     assert simulation.population.crowd.position[:, 0].mean() > 12.0
     results = simulation.run()
@@ -114,7 +115,7 @@ def test_a_door_that_closes_in_smoke_leaves_the_ways_of_smoke():
 
 def test_lean_and_full_give_the_same_bits():
     case = two_ways(smoke("west", 0.0, 3.0, times=[0, 4]), **{"smoke.period": 1.0})
-    one = run_ticks(Simulation(case), 60)
+    one = run_ticks(simulation_of(case), 60)
     assert_same_bits(one, run_ticks(Simulation(case, full=True), 60))
 
 
@@ -132,6 +133,6 @@ def test_smoke_that_ends_at_a_stair_leaves_the_ways_round_its_posts_and_those_to
         "conditions": [{"source": "prescribed", "level": "up", "values": {"extinction": 3.0}}],
         "simulation": {"duration": 60.0},
     }
-    results = Simulation(evac.load(table)).run()
+    results = simulation_of(evac.load(table)).run()
     assert results.ended == "everybody out or at a safe place"
     assert results.crowd.exit_time[0] < 25.0

@@ -8,7 +8,7 @@ import pytest
 import evac
 from evac.conditions.law import share_in_smoke, share_with_irritants
 from evac.contract.registry import Registry
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 from tests.conditions.corridor import corridor, prescribed, two_storeys
 
 LAWS = Registry().smoke_laws
@@ -16,7 +16,7 @@ LAWS = Registry().smoke_laws
 
 def walked(case):
     """Run to the end; return the exit time of the first person and the time from x = 20 to 80 m."""
-    simulation = Simulation(case)
+    simulation = simulation_of(case)
     crowd, passed = simulation.population.crowd, []
     while not simulation.ended:
         before = crowd.position[0, 0]
@@ -108,7 +108,7 @@ def test_the_law_is_applied_to_speeds_on_stairs():
 
     def down(*conditions):
         changes = {"building.plan": plan, "people.p.level": "up", "people.p.positions": [[11.0, 2.0]]}
-        simulation = Simulation(corridor(*conditions).change(changes))
+        simulation = simulation_of(corridor(*conditions).change(changes))
         crowd, passed = simulation.population.crowd, []
         while not simulation.ended:
             before = crowd.position[0, 0]

@@ -5,7 +5,7 @@ import pytest
 
 import evac
 from evac.base.errors import ScenarioError
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 
 FLOOR = [[0, 0], [14, 0], [14, 8], [0, 8]]
 TRAIN = {"name": "train", "arrive": {"times": [3.0] * 12 + [20.0]}, "area": "lift", "exits": ["main"]}
@@ -45,7 +45,7 @@ def rows_of(run, name):
 
 
 def test_people_come_at_their_times_and_leave_and_who_stays_is_counted_apart():
-    results = Simulation(hall(TRAIN, GATE, STAFF)).run()
+    results = simulation_of(hall(TRAIN, GATE, STAFF)).run()
     came = results.crowd.arrival_time
     assert results.ended == "everybody out"
     assert (results.staying, results.not_arrived, results.exit_status) == (2, 0, 0)
@@ -63,20 +63,20 @@ def test_people_come_at_their_times_and_leave_and_who_stays_is_counted_apart():
 def test_a_rate_is_a_poisson_process_of_the_group_alone():
     numbers = []
     for seed in range(20):
-        simulation = Simulation(hall(GATE, **{"simulation.seed": seed, "directions.spacing": 0.5}), will_run=False)
+        simulation = simulation_of(hall(GATE, **{"simulation.seed": seed, "directions.spacing": 0.5}), will_run=False)
         (source,) = simulation.population.sources
         assert ((source.due >= 2.0) & (source.due < 15.0)).all()
         numbers.append(len(source.due))
     assert np.mean(numbers) == pytest.approx(13.0, abs=3.0 * np.sqrt(13.0 / 20))
     assert np.var(numbers) == pytest.approx(13.0, rel=0.7)
-    both = Simulation(hall(GATE, TRAIN), will_run=False).population.sources
-    alone = Simulation(hall(GATE), will_run=False).population.sources
+    both = simulation_of(hall(GATE, TRAIN), will_run=False).population.sources
+    alone = simulation_of(hall(GATE), will_run=False).population.sources
     assert both[0].due.tolist() == alone[0].due.tolist()
 
 
 def test_at_a_low_rate_nobody_may_come():
     rare = {**GATE, "arrive": {"rate": 1e-6, "from": 0.0, "to": 1.0, "exit": "gate"}}
-    results = Simulation(hall(rare)).run()
+    results = simulation_of(hall(rare)).run()
     assert (results.ended, results.number_of_people) == ("everybody out", 10)
 
 
@@ -84,13 +84,13 @@ def test_a_run_to_which_nobody_comes_is_refused():
     table = hall({"name": "rare", "area": "lift", "arrive": {"rate": 1e-6, "from": 0.0, "to": 1.0}}).to_dict()
     table["people"] = [group for group in table["people"] if group["name"] == "rare"]
     with pytest.raises(ScenarioError, match=r"people: nobody comes with seed 1"):
-        Simulation(evac.load(table), will_run=False)
+        simulation_of(evac.load(table), will_run=False)
 
 
 @pytest.mark.parametrize("model", ["nsm1", "dem"])
 def test_nobody_is_put_upon_others_and_who_finds_no_place_waits_outside(model):
     crowd = {**TRAIN, "arrive": {"times": [1.0] * 60}, "radius": 0.25, "speed": 0.3}
-    simulation = Simulation(hall(crowd, **{"contact.model": model, "simulation.duration": 6.0}))
+    simulation = simulation_of(hall(crowd, **{"contact.model": model, "simulation.duration": 6.0}))
     people = simulation.population.crowd
     while not simulation.ended:
         before = np.isnan(people.arrival_time)
@@ -110,7 +110,7 @@ def test_nobody_is_put_upon_others_and_who_finds_no_place_waits_outside(model):
 
 def test_a_closed_gate_lets_nobody_in_until_it_opens():
     events = [{"kind": kind, "target": "gate", "time": time} for time, kind in ((0.0, "close"), (18.0, "open"))]
-    results = Simulation(hall(GATE, event=events)).run()
+    results = simulation_of(hall(GATE, event=events)).run()
     assert results.ended == "everybody out"
     assert (results.crowd.arrival_time[rows_of(results, "gate")] >= 18.0 - 1e-9).all()
 
@@ -131,7 +131,7 @@ LIFT = {"name": "lift", "level": "ground", "arrive": {"times": [1.0] * 8, "porta
 
 
 def test_people_come_through_a_portal_or_a_stair_onto_a_level_one_row_after_the_other():
-    simulation = Simulation(storeys(LIFT))
+    simulation = simulation_of(storeys(LIFT))
     crowd, places = simulation.population.crowd, {}
     while not simulation.ended:
         before = np.isnan(crowd.arrival_time)
@@ -145,7 +145,7 @@ def test_people_come_through_a_portal_or_a_stair_onto_a_level_one_row_after_the_
     assert x == pytest.approx([0.79] * 8)
     assert 0.8 <= min(y) < max(y) <= 2.0
     assert len(np.unique(crowd.arrival_time)) > 2
-    closed = Simulation(storeys(LIFT, **{"building.closed": ["stair"], "simulation.duration": 5.0})).run()
+    closed = simulation_of(storeys(LIFT, **{"building.closed": ["stair"], "simulation.duration": 5.0})).run()
     assert (closed.not_arrived, closed.waiting_outside) == (8, 8)
 
 
@@ -154,7 +154,7 @@ def test_response_times_of_people_who_arrive_count_from_their_arrival():
     early = {"name": "early", "number": 2, "level": "ground"}
     lift = LIFT | {"arrive": {"times": [3.0, 9.0], "portal": "stair"}}
     for own, wait in (({}, 0.0), ({"time": 5.0}, 5.0), ({"begin": "start"}, 4.0)):  # who comes through a door walks on
-        results = Simulation(storeys(lift | {"behaviours": {"response_time": own}}, early, **response)).run()
+        results = simulation_of(storeys(lift | {"behaviours": {"response_time": own}}, early, **response)).run()
         start, rows = results.crowd.start_time, rows_of(results, "lift")
         assert start[rows_of(results, "early")].tolist() == [4.0, 4.0]
         assert start[rows] == pytest.approx([3.0 + wait, 9.0 + wait])
@@ -163,7 +163,7 @@ def test_response_times_of_people_who_arrive_count_from_their_arrival():
 
 def test_pictures_and_studies_count_those_who_have_come_and_leave(tmp_path):
     gate = {**GATE, "arrive": GATE["arrive"] | {"to": 5.0}}
-    results = Simulation(
+    results = simulation_of(
         hall(TRAIN | {"arrive": {"times": [1.0, 200.0]}}, STAFF, **{"simulation.duration": 30.0})
     ).run()
     title = results.plot().axes[0].get_title(loc="left")
@@ -189,4 +189,4 @@ def test_pictures_and_studies_count_those_who_have_come_and_leave(tmp_path):
 )
 def test_arrivals_that_cannot_be_are_refused_with_their_key(group, words):
     with pytest.raises(ScenarioError, match=words):
-        Simulation(hall({key: value for key, value in group.items() if value is not None}), will_run=False)
+        simulation_of(hall({key: value for key, value in group.items() if value is not None}), will_run=False)

@@ -9,7 +9,7 @@ from evac.cli.check import show_building
 from evac.contract.registry import Registry
 from evac.physics.state import FIRM
 from evac.report.of_run import banner, main_results
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 from tests.runs import run_ticks
 
 
@@ -42,7 +42,7 @@ def case_of(plan, **wheelchair):
 
 
 def test_wheelchairs_take_the_ramp_and_others_the_stair():
-    simulation = Simulation(case_of(two_ways()))
+    simulation = simulation_of(case_of(two_ways()))
     crowd = simulation.population.crowd
     while not simulation.ended:
         simulation.advance_tick()
@@ -57,20 +57,20 @@ def test_wheelchairs_take_the_ramp_and_others_the_stair():
 def test_wheelchairs_that_choose_exits_take_the_ramp():
     case = case_of(two_ways()).to_dict()
     case["behaviours"]["route_choice"] = {"every": 1.0}
-    simulation = Simulation(evac.load(case))
+    simulation = simulation_of(evac.load(case))
     run_ticks(simulation, 20)
     crowd, routes = simulation.population.crowd, simulation.fields.routes
     assert {routes[k].steepest for k in crowd.route[crowd.group == 1]} == {0.0834}
 
 
 def test_wheelchairs_keep_their_width():
-    crowd = Simulation(case_of(two_ways())).population.crowd
+    crowd = simulation_of(case_of(two_ways())).population.crowd
     assert crowd.contact_radius[crowd.group == 1] == pytest.approx(0.4)
     assert crowd.contact_radius[crowd.group == 0] == pytest.approx(Registry().behaviours["walking"]().chest_depth / 2)
 
 
 def test_without_limit_wheelchairs_have_the_route_of_all():
-    simulation = Simulation(case_of(two_ways()).change({"people.wheelchairs.steepest": 10.0}))
+    simulation = simulation_of(case_of(two_ways()).change({"people.wheelchairs.steepest": 10.0}))
     one = simulation.fields
     position = simulation.population.crowd.position
     level = simulation.population.crowd.level
@@ -80,7 +80,7 @@ def test_without_limit_wheelchairs_have_the_route_of_all():
 
 def test_wheelchairs_that_only_stairs_lead_out_are_told_of():
     with pytest.raises(evac.EvacError, match=r"wheelchairs.* cannot reach any exit without slopes above 0\.0834"):
-        Simulation(case_of(two_ways(gradient=1.0 / 8.0)))
+        simulation_of(case_of(two_ways(gradient=1.0 / 8.0)))
 
 
 def with_refuges(*places, number=4, gradient=1.0 / 8.0):
@@ -116,12 +116,12 @@ def test_a_refuge_takes_no_more_people_than_its_capacity():
     assert all(str(refuge) in told for refuge in results.places)
     full = r"cannot reach any exit without slopes.* place\.at lobby\.capacity or place\.at corner\.capacity"
     with pytest.raises(evac.EvacError, match=full):
-        Simulation(with_refuges(("lobby", 2), ("corner", 1)))
+        simulation_of(with_refuges(("lobby", 2), ("corner", 1)))
 
 
 def test_people_on_their_way_to_a_refuge_leave_if_a_way_opens():
     case = with_refuges(("lobby", None), gradient=1.0 / 14.0)
-    simulation = Simulation(case.change({"building.closed": ["ramp"]}))
+    simulation = simulation_of(case.change({"building.closed": ["ramp"]}))
     crowd, routes = simulation.population.crowd, simulation.fields.routes
     assert {routes[k].area for k in crowd.route[crowd.group == 1]} == {"lobby"}
     simulation.scene.apply(evac.Change(2.0, "open", "ramp"))
@@ -145,7 +145,7 @@ def test_an_event_changes_the_exits_of_those_only_who_are_not_on_their_way_to_a_
     case = with_refuges(("lobby", None)).to_dict()
     event = {"time": 1.0, "kind": "strategy", "target": "wheelchairs", "value": "quickest"}
     other = {"time": 1.0, "kind": "strategy", "target": "walkers", "value": "quickest"}
-    simulation = Simulation(evac.load({**case, "event": [event, other]}))
+    simulation = simulation_of(evac.load({**case, "event": [event, other]}))
     run_ticks(simulation, 20)
     crowd, routes = simulation.population.crowd, simulation.fields.routes
     assert {routes[k].area for k in crowd.route[crowd.group == 1]} == {"lobby"}
@@ -153,7 +153,7 @@ def test_an_event_changes_the_exits_of_those_only_who_are_not_on_their_way_to_a_
 
 
 def test_routes_that_follow_the_crowd_avoid_slopes_too():
-    simulation = Simulation(case_of(two_ways(), strategy="quickest"))
+    simulation = simulation_of(case_of(two_ways(), strategy="quickest"))
     crowd = simulation.population.crowd
     while not simulation.ended:
         simulation.advance_tick()
@@ -171,7 +171,7 @@ def test_ramps_are_walked_at_the_speed_on_the_level_up_to_one_in_eight(rise, ram
     plan.exit("out", "low", [(0, 0.5), (0, 2.5)])
     one = {"name": "one", "positions": [[21, 1.5]], "level": "high", "speed": 1.3, "speed_down": 0.7, "tau": 0.2}
     case = evac.load({"building": plan, "contact": {"model": "nsm2"}, "people": [one]}, {"building.ramp": ramp})
-    simulation = evac.Simulation(case)
+    simulation = simulation_of(case)
     on_flight = np.diff(simulation.run().crossings[2])[0]
     assert on_flight == pytest.approx(np.hypot(12.0, rise) / speed, rel=0.02)
     show_building(simulation.building, is_verbose=False)
@@ -179,7 +179,7 @@ def test_ramps_are_walked_at_the_speed_on_the_level_up_to_one_in_eight(rise, ram
 
 
 def test_who_is_at_a_refuge_stands_firm_until_sent_elsewhere():
-    simulation = Simulation(with_refuges(("lobby", None)))
+    simulation = simulation_of(with_refuges(("lobby", None)))
     while not simulation.ended:
         simulation.advance_tick()
     arrived, firmness = simulation.places.arrived, simulation.population.crowd.firmness

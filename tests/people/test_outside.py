@@ -11,7 +11,7 @@ from evac.building.plan.plan import Plan
 from evac.case.loading import load_case
 from evac.people.outside import REACH, PeopleOutside
 from evac.physics.state import make_crowd
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 from tests.physics.scenes import make_building
 from tests.validation.buildings import across, rectangle, write_case
 
@@ -95,7 +95,7 @@ def corridor(length, *walkers, **changes):
 
 def walk_of_the_last(case, seconds):
     """Return position along x and speed of the second person at each tick, and how many were outside."""
-    simulation, found = Simulation(case), []
+    simulation, found = simulation_of(case), []
     while simulation.time < seconds:
         simulation.advance_tick()
         crowd = simulation.population.crowd
@@ -120,7 +120,7 @@ def test_a_follower_walks_as_if_the_ground_went_on(model):
 
 def test_two_outside_keep_their_distance():
     """The fast one, which leaves behind the slow one, stays behind it outside; a third one is still inside."""
-    simulation = Simulation(corridor(5.0, (3.0, 0.7), (1.5, 1.4), (0.5, 0.1)))
+    simulation = simulation_of(corridor(5.0, (3.0, 0.7), (1.5, 1.4), (0.5, 0.1)))
     both, apart = 0, []
     while not simulation.ended:
         simulation.advance_tick()
@@ -137,7 +137,7 @@ def test_at_the_foot_of_a_stair_people_walk_on_at_their_flat_speed_and_are_follo
     places = (-1.0, 0.5), (-1.8, 0.9)
     people = [{"positions": [[x, 1.0]], "z": 2.0, "speed": 1.0, "speed_down": down} for x, down in places]
     sections = {"behaviours.headway": {"time_gap": 3.0}, "contact.model": "nsm2"}
-    simulation = Simulation(write_case(tmp_path, faces, [("foot", across(4, 0, 2), 0.0)], people, (), sections))
+    simulation = simulation_of(write_case(tmp_path, faces, [("foot", across(4, 0, 2), 0.0)], people, (), sections))
     crowd, outside, factors = simulation.population.crowd, simulation.outside.arrays, []
     while crowd.level[0] >= 0 or outside.level[0] >= 0:
         simulation.advance_tick()
@@ -163,7 +163,7 @@ def hall(seed, depth, width=1.2, **changes):
 
 def flow(seed, depth):
     """Return the steady flow through the door [1/s]."""
-    simulation = Simulation(hall(seed, depth))
+    simulation = simulation_of(hall(seed, depth))
     crowd = simulation.population.crowd
     passed = np.full(len(crowd.level), np.nan)
     while not simulation.ended:
@@ -179,9 +179,9 @@ def test_the_flow_through_a_door_is_that_with_ground_behind_it():
 
 
 def test_without_behaviours_that_keep_distances_nobody_is_kept():
-    simulation = Simulation(hall(1, 0.0, behaviours={}))
+    simulation = simulation_of(hall(1, 0.0, behaviours={}))
     assert simulation.outside is None
     assert not any(key.startswith("outside.") for key in simulation.state())
     assert [part.is_in for part in simulation.plan if part.name == "people outside"] == [False]
-    kept = Simulation(hall(1, 0.0))
+    kept = simulation_of(hall(1, 0.0))
     assert [part.is_in for part in kept.plan if part.name == "people outside"] == [True]

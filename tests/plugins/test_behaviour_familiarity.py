@@ -3,7 +3,7 @@
 from shapely import box
 
 import evac
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 from tests.runs import run_ticks
 
 SIGN = {"name": "sign", "kind": "sign", "position": [10.0, 7.9], "z": 0.0, "exit": "back"}
@@ -32,14 +32,14 @@ def goals(simulation):
 
 
 def test_everybody_takes_the_main_entrance_without_other_knowledge():
-    assert goals(Simulation(case_of(main=["main"], sees=0.0))) == {"main": 20, "east": 0, "back": 0}
+    assert goals(simulation_of(case_of(main=["main"], sees=0.0))) == {"main": 20, "east": 0, "back": 0}
 
 
 def test_a_share_knows_the_nearer_exit():
-    counts = goals(Simulation(case_of(main=["main"], knows={"east": 0.3}, sees=0.0, preference=1.0, size=100)))
+    counts = goals(simulation_of(case_of(main=["main"], knows={"east": 0.3}, sees=0.0, preference=1.0, size=100)))
     assert 15 <= counts["east"] <= 45
     assert counts["main"] + counts["east"] == 100
-    of_group = Simulation(
+    of_group = simulation_of(
         case_of(main=["main"], knows={"east": 0.3}, own={"knows": {"east": 1.0}}, sees=0.0, preference=1.0)
     )
     assert goals(of_group)["east"] == 20
@@ -48,21 +48,21 @@ def test_a_share_knows_the_nearer_exit():
 def test_the_main_entrance_is_preferred():
     """From x = 11 to 17 the ways to "main" are at most 5.7 times as long as those to "east"."""
     knows = {"main": ["main"], "knows": {"east": 1.0}, "sees": 0.0}
-    assert goals(Simulation(case_of(**knows, preference=1.0)))["east"] == 20
-    assert goals(Simulation(case_of(**knows, preference=6.0)))["main"] == 20
+    assert goals(simulation_of(case_of(**knows, preference=1.0)))["east"] == 20
+    assert goals(simulation_of(case_of(**knows, preference=6.0)))["main"] == 20
 
 
 def test_people_follow_a_sign_in_sight_and_only_such_a_one():
     knows = {"main": ["main"], "knows": {"back": 0.0}, "sees": 0.0, "notices": 1.0}
-    assert goals(Simulation(case_of(SIGN, **knows)))["back"] == 20
+    assert goals(simulation_of(case_of(SIGN, **knows)))["back"] == 20
     for change in ({"range": 0.5}, {"position": [10.0, 19.0]}):  # too far; behind a corner
-        simulation = Simulation(case_of(SIGN | change, **knows))
+        simulation = simulation_of(case_of(SIGN | change, **knows))
         assert goals(simulation)["main"] > 15
-    assert 0 < goals(Simulation(case_of(SIGN, **knows | {"notices": 0.4}, size=60)))["back"] < 50
+    assert 0 < goals(simulation_of(case_of(SIGN, **knows | {"notices": 0.4}, size=60)))["back"] < 50
 
 
 def test_people_learn_of_exits_in_sight():
-    assert goals(Simulation(case_of(main=["main"], knows={"east": 0.0}, sees=12.0)))["east"] == 20
+    assert goals(simulation_of(case_of(main=["main"], knows={"east": 0.0}, sees=12.0)))["east"] == 20
 
 
 def test_people_go_where_others_walk():
@@ -70,7 +70,7 @@ def test_people_go_where_others_walk():
     knows = {"main": ["main"], "knows": {"east": 0.0}, "sees": 5.0, "size": 5}
     counts = {}
     for influence in (0.0, 1.0):
-        simulation = Simulation(case_of(**knows, people=[others], influence=influence))
+        simulation = simulation_of(case_of(**knows, people=[others], influence=influence))
         run_ticks(simulation, 12)
         group = simulation.population.groups[1]
         routes = simulation.population.crowd.route[group.rows]
@@ -86,7 +86,7 @@ def test_who_knows_only_a_closed_exit_takes_any():
 def test_exits_of_the_group_limit_the_choice():
     case = case_of(main=["main"], knows={"east": 1.0}, preference=1.0).to_dict()
     case["people"][0]["exits"] = ["main"]
-    assert goals(Simulation(evac.load(case)))["main"] == 20
+    assert goals(simulation_of(evac.load(case)))["main"] == 20
 
 
 def test_an_event_changes_the_strategy_of_those_only_for_whom_there_are_directions():

@@ -8,7 +8,7 @@ from shapely import box
 
 import evac
 from evac.building.model.building import FLAT
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 from tests.people.test_mobility import two_ways
 
 HALL = {"name": "hall", "kind": "assembly", "area": "hall"}
@@ -38,7 +38,7 @@ def ward(*places, patients=None, staff=None, device="evacuation_chair", **parame
 
 def run(case):
     """Return the simulation of a case at its end, and who was where at each tick: position, level (ticks, people)."""
-    simulation, position, level = Simulation(case), [], []
+    simulation, position, level = simulation_of(case), [], []
     while not simulation.ended:
         simulation.advance_tick()
         position.append(simulation.population.crowd.position.copy())
@@ -97,7 +97,7 @@ def test_people_are_brought_to_a_refuge_that_has_room_for_them():
     assert (position[-1, :2, 0] < 23.1).all()
     assert np.isfinite(simulation.population.crowd.exit_time[2:]).all()
     with pytest.raises(evac.EvacError, match="has room for 2"):
-        Simulation(ward(lobby, patients={"number": 3}, to="lobby"))
+        simulation_of(ward(lobby, patients={"number": 3}, to="lobby"))
 
 
 def test_two_carry_one():
@@ -152,7 +152,7 @@ def test_who_cannot_be_reached_is_told_of():
     case = ward().change({"building.closed": ["stairs"], "simulation.no_progress": 5.0})
     case = case.change({"people.patients.speed": 1.0})
     with pytest.raises(evac.EvacError, match=r"people\.patients"):  # nobody upstairs has a way out
-        Simulation(case)
+        simulation_of(case)
     event = {"time": 1.0, "kind": "close", "target": "stairs"}
     open_case = ward().change({"simulation.no_progress": 5.0}).to_dict() | {"event": [event]}
     simulation, _, _ = run(evac.load(open_case))
@@ -189,7 +189,7 @@ def rooms(area):
     behaviours = {"walking": {}, "helpers": {"areas": [area], "preparation": 1.0}}
     simulation = {"duration": 120.0, "no_progress": 15.0}
     tables = {"building": plan, "people": people, "contact": {"model": "nsm1"}, "behaviours": behaviours}
-    return Simulation(evac.load(tables | {"simulation": simulation}))
+    return simulation_of(evac.load(tables | {"simulation": simulation}))
 
 
 def test_a_helper_near_a_person_behind_a_wall_goes_through_the_doors():

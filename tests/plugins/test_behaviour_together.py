@@ -6,7 +6,7 @@ from shapely import box
 
 import evac
 from evac.report.of_run import main_results
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 from tests.people.test_mobility import two_ways
 from tests.runs import run_ticks
 
@@ -32,7 +32,7 @@ def corridor(*groups, **parameters):
         for name, number, settings, speeds in groups
     ]
     content = {"building": plan, "people": people, "behaviours": {"walking": {}, "together": parameters}}
-    return Simulation(evac.load(content | {"contact": {"model": "nsm2"}, "directions": {"spacing": 0.2}}))
+    return simulation_of(evac.load(content | {"contact": {"model": "nsm2"}, "directions": {"spacing": 0.2}}))
 
 
 def families(settings, **parameters):
@@ -59,7 +59,7 @@ def test_who_gathers_is_in_no_queue_and_resumed_runs_know_it(tmp_path):
     waited = [queue.waited for queue in results.queues]
     assert results.last_out > 90.0
     assert sum(waited) < 12 * 3.0
-    first, second = Simulation(case), Simulation(case)
+    first, second = simulation_of(case), simulation_of(case)
     run_ticks(first, 450)
     assert first.standing.sum() == 12
     second.restore(first.state())
@@ -75,7 +75,7 @@ def class_of(speeds, *events, **parameters):
     next(group for group in case["people"] if group["name"] == "pupils")["behaviours"]["teacher_following"] = {
         "teacher": "teacher"
     }
-    return Simulation(evac.load(case | {"event": list(events)}))
+    return simulation_of(evac.load(case | {"event": list(events)}))
 
 
 def test_a_class_gathers_behind_its_teacher_is_counted_and_leaves_behind_it():
@@ -141,7 +141,7 @@ def test_a_unit_that_has_gathered_goes_to_its_assembly_area():
     for group in case["people"]:
         group["assembly"] = ["yard"]
     case["event"] = [{"time": 5.0, "kind": "slow", "target": "home", "value": 0.5}]  # while they gather
-    simulation = Simulation(evac.load(case))
+    simulation = simulation_of(evac.load(case))
     halls = []
     while not simulation.ended:
         simulation.advance_tick()
@@ -161,7 +161,7 @@ def test_wheelchairs_gather_without_stairs():
     ]
     behaviours = {"walking": {}, "together": {"places": ["hall"], "count": 0.0}}
     case = {"building": plan, "people": people, "contact": {"model": "nsm2"}, "behaviours": behaviours}
-    simulation = Simulation(evac.load(case))
+    simulation = simulation_of(evac.load(case))
     crowd, stair = simulation.population.crowd, simulation.building.stairs["stairs"]
     on_stair = np.zeros(4, bool)
     while not simulation.ended:

@@ -14,6 +14,7 @@ from evac.people.behaviour import BehaviourScene
 from evac.people.outside import make_outside
 from evac.physics.state import make_crowd
 from evac.simulation.scene import Scene, SharedScene
+from evac.simulation.shared import simulation_of
 from evac.simulation.simulation import Simulation
 from evac_plugins.behaviour_walking import Walking
 from tests.physics.scenes import make_building, uniform_fields
@@ -272,7 +273,7 @@ def test_a_person_alone_in_a_narrow_corridor_walks_straight(width, start):
         "radius": 0.2,
     }
     content = {"building": plan, "people": [people], "behaviours": {"walking": {}}, "contact": {"model": "nsm2"}}
-    simulation, moved = Simulation(evac.load(content)), []
+    simulation, moved = simulation_of(evac.load(content)), []
     while simulation.population.crowd.position[0, 0] < 13.0:
         simulation.advance_tick()
         moved.append(simulation.displacement_velocity[0].copy())
@@ -331,7 +332,7 @@ def waiting(force, seed):
 def test_who_has_not_started_is_walked_around_and_not_pushed(force, runs):
     """Of people who keep no clearance, 3 % are pushed by more than 0.01 m, and with the social force more than half."""
     for seed in range(1, 1 + runs):
-        simulation = Simulation(waiting(force, seed))
+        simulation = simulation_of(waiting(force, seed))
         crowd, start = simulation.population.crowd, simulation.start_position
         while not simulation.ended:
             simulation.advance_tick()
@@ -357,7 +358,7 @@ def among_others(seed):
 
 @pytest.mark.parametrize("seed", [2, 12])
 def test_a_crowd_walks_through_people_who_stand_and_pushes_none(seed):
-    simulation = Simulation(among_others(seed))
+    simulation = simulation_of(among_others(seed))
     people = simulation.population.crowd
     stands, start = people.start_time > 0.0, people.position.copy()
     run_ticks(simulation, round(20.0 / simulation.case.simulation.tick))
@@ -374,7 +375,7 @@ def test_people_wait_behind_a_row_of_people_who_close_a_corridor():
     others = {"name": "others", "positions": [[2.0, 0.6], [3.0, 1.3], [4.0, 1.0]], "level": "floor"}
     behaviours = {"walking": {}, "response_time": {}}
     content = {"building": plan, "people": [row, others], "behaviours": behaviours, "contact": {"model": "nsm2"}}
-    simulation = Simulation(evac.load(content))
+    simulation = simulation_of(evac.load(content))
     crowd, tick = simulation.population.crowd, simulation.case.simulation.tick
     run_ticks(simulation, round(20.0 / tick))
     stands = crowd.start_time > 0.0
@@ -402,7 +403,7 @@ def beside_a_wheelchair(gap, wide, number, seed):
 def test_who_stands_firm_is_passed_where_a_body_fits_and_not_pushed(gap, wide, number):
     """Bodies are 0.3 m deep; nobody swings before a gap that is too narrow, beside one that is wide enough."""
     for seed in (1, 2):
-        simulation = Simulation(beside_a_wheelchair(gap, wide, number, seed))
+        simulation = simulation_of(beside_a_wheelchair(gap, wide, number, seed))
         while not simulation.ended:
             simulation.advance_tick()
         crowd = simulation.population.crowd
@@ -454,7 +455,7 @@ def test_with_regulation_at_most_as_many_pass_as_tests_prescribe():
 
 
 def test_people_without_an_open_way_stand_until_one_opens():
-    simulation = Simulation(room(0.8, 20))
+    simulation = simulation_of(room(0.8, 20))
     for change in [(1.0, "close"), (3.0, "open")]:
         simulation.scene.apply(evac.Change(*change, "out"))
     tick, crowd = simulation.case.simulation.tick, simulation.population.crowd
@@ -466,7 +467,7 @@ def test_people_without_an_open_way_stand_until_one_opens():
 
 
 def test_bodies_have_the_depth_of_the_chest():
-    crowd = Simulation(room(0.8, 20)).population.crowd
+    crowd = simulation_of(room(0.8, 20)).population.crowd
     assert (crowd.contact_radius == 0.15).all()
     assert (crowd.radius >= 0.2).all()
 

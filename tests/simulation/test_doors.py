@@ -5,7 +5,7 @@ import pytest
 
 import evac
 from evac.physics.world import make_world
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 from tests.runs import run_ticks
 
 
@@ -49,7 +49,7 @@ def passages(simulation, at=6.1):
 
 
 def test_nobody_passes_a_closed_door_but_who_stood_in_it():
-    simulation = Simulation(flat((3.0, "close", "near")))
+    simulation = simulation_of(flat((3.0, "close", "near")))
     found = passages(simulation)
     let_through = simulation.scene.changes[0].values["let_through"]
     late = {row for row, time, y in found if time > 3.1 and y < 3.0}
@@ -62,7 +62,7 @@ def test_nobody_passes_a_closed_door_but_who_stood_in_it():
 
 def test_rooms_whose_doors_are_closed_are_left_when_one_opens():
     changes = (0.0, "close", "near"), (0.0, "close", "far"), (4.0, "open", "far")
-    simulation = Simulation(flat(*changes))
+    simulation = simulation_of(flat(*changes))
     found = passages(simulation)
     assert simulation.ended == "everybody out"
     assert min(time for _, time, _ in found) > 4.0
@@ -74,11 +74,11 @@ def test_a_door_of_one_direction_is_passed_in_this_one_only(strategy):
     changes = {"people.p.strategy": strategy}
     ways, taken = {}, {}
     for value in (False, "west", "east"):
-        simulation = Simulation(flat((0.0, "one_way", "near", value), **changes))
+        simulation = simulation_of(flat((0.0, "one_way", "near", value), **changes))
         found = passages(simulation)
         assert simulation.ended == "everybody out"
         taken[value] = sum(y < 3.0 for *_, y in found)
-        fields = Simulation(flat(**changes)).fields if value is False else simulation.fields
+        fields = simulation_of(flat(**changes)).fields if value is False else simulation.fields
         ways[value] = fields.travel_time_at(0, np.array([[6.6, 1.6], [11.0, 3.0], [5.6, 1.6]]), 0)
     assert taken["west"] > 5
     assert taken["east"] == 0
@@ -89,7 +89,7 @@ def test_a_door_of_one_direction_is_passed_in_this_one_only(strategy):
 
 
 def test_people_in_a_doorway_turn_round_when_it_gets_the_other_direction():
-    simulation = Simulation(flat((3.0, "one_way", "near", "east")))
+    simulation = simulation_of(flat((3.0, "one_way", "near", "east")))
     found = passages(simulation)
     late = {row for row, time, y in found if time > 3.01 and y < 3.0}
     assert simulation.ended == "everybody out"
@@ -102,7 +102,7 @@ def test_people_in_a_doorway_turn_round_when_it_gets_the_other_direction():
 def test_an_exit_of_one_direction_lets_people_in_or_out_only(value, have_come, are_out):
     late = {"name": "late", "arrive": {"times": [1.0, 1.0]}}
     people = [{"name": "p", "number": 3, "area": "west"}, late | {"arrive": late["arrive"] | {"exit": "out"}}]
-    simulation = Simulation(flat((0.0, "one_way", "out", value)).change({"people": people}))
+    simulation = simulation_of(flat((0.0, "one_way", "out", value)).change({"people": people}))
     while not simulation.ended and simulation.time < 20.0:
         simulation.advance_tick()
     crowd = simulation.population.crowd
@@ -112,9 +112,9 @@ def test_an_exit_of_one_direction_lets_people_in_or_out_only(value, have_come, a
 
 
 def test_directions_and_world_are_those_of_a_building_with_the_door_closed():
-    simulation = Simulation(flat())
+    simulation = simulation_of(flat())
     simulation.scene.set_open("near", False)
-    closed = Simulation(flat(**{"building.closed": ["near"]}))
+    closed = simulation_of(flat(**{"building.closed": ["near"]}))
     assert np.array_equal(simulation.fields.packed.direction, closed.fields.packed.direction)
     assert np.array_equal(simulation.scene.world.wall_open, make_world(closed.building, closed.fields).wall_open)
     near, far = (simulation.fields.travel_time_at(0, np.array([[6.6, y]]), 0)[0] for y in (1.6, 5.1))
@@ -124,7 +124,7 @@ def test_directions_and_world_are_those_of_a_building_with_the_door_closed():
 @pytest.mark.parametrize("model", ["nsm2", "dem"])
 def test_other_models_stop_at_a_closed_door(model):
     changes = (0.0, "close", "near"), (0.0, "close", "far")
-    simulation = Simulation(flat(*changes, **{"contact.model": model, "simulation.duration": 10.0}))
+    simulation = simulation_of(flat(*changes, **{"contact.model": model, "simulation.duration": 10.0}))
     assert passages(simulation) == []
 
 
@@ -145,14 +145,14 @@ def test_no_way_leads_through_a_closed_door_whose_end_is_on_a_line_of_the_grid(c
         "people": [{"name": "p", "positions": [[2.2, 2.4]], "level": "f"}],
         "directions": {"spacing": 0.2, "clearance": clearance},
     }
-    fields = Simulation(evac.load(table), will_run=False).fields
+    fields = simulation_of(evac.load(table), will_run=False).fields
     assert fields.travel_time_at(0, np.array([[2.2, 2.4]]), 0)[0] == pytest.approx(8.1, abs=0.2)
 
 
 @pytest.mark.parametrize("strategy", ["fastest", "quickest"])
 def test_directions_lead_through_a_door_of_one_direction_on_a_coarse_grid(strategy):
     changes = {"directions.spacing": 0.25, "people.p.strategy": strategy}
-    simulation = Simulation(flat((0.0, "one_way", "near", "west"), (0.0, "close", "far"), **changes))
+    simulation = simulation_of(flat((0.0, "one_way", "near", "west"), (0.0, "close", "far"), **changes))
     run_ticks(simulation, 30)  # by which directions that follow the crowd are solved again
     for y in np.linspace(1.3, 1.9, 13):
         place, stuck = np.array([6.45, y]), set()
@@ -165,8 +165,8 @@ def test_directions_lead_through_a_door_of_one_direction_on_a_coarse_grid(strate
 
 def test_people_wait_behind_doors_that_are_closed_at_the_start_until_an_event_opens_one():
     closed = {"building.closed": ["near", "far"]}
-    simulation = Simulation(flat((4.0, "open", "near"), **closed))
+    simulation = simulation_of(flat((4.0, "open", "near"), **closed))
     assert any("people.p" in line for line in simulation.warnings())
     assert simulation.run().ended == "everybody out"
     with pytest.raises(evac.ScenarioError, match=r"people\.p"):
-        Simulation(flat((4.0, "close", "near"), **closed))
+        simulation_of(flat((4.0, "close", "near"), **closed))

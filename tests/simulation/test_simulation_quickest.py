@@ -5,6 +5,7 @@ import json
 import numpy as np
 
 import evac
+from evac.simulation.shared import simulation_of
 from evac.simulation.simulation import Simulation
 from tests.runs import assert_same_bits, run_ticks
 
@@ -65,14 +66,14 @@ def test_people_of_other_strategies_queue_at_the_gates_that_they_walk_to():
     shares = []
     for number in (1, 40):
         case = case_of(**{"people.b.strategy": "fastest", "people.b.area": "floor", "people.b.number": number})
-        results = Simulation(case).run()
+        results = simulation_of(case).run()
         near = results.crowd.exit_used == [exit_.name for exit_ in results.building.exits].index("near")
         shares.append(near[results.crowd.group == 0].mean())
     assert shares[1] < shares[0]
 
 
 def test_a_change_between_two_updates_is_followed_at_once():
-    simulation = Simulation(case_of())
+    simulation = simulation_of(case_of())
     simulation.scene.apply(evac.Change(3.3, "close", "far"))
     run_ticks(simulation, 33)
     quickest, updates = simulation.scene.quickest, simulation.scene.quickest.report()["updates"]
@@ -86,7 +87,7 @@ def test_a_change_between_two_updates_is_followed_at_once():
 
 
 def test_groups_with_another_strategy_keep_their_travel_times():
-    simulation = run_ticks(Simulation(case_of(**{"people.b.strategy": "fastest"})), 60)
+    simulation = run_ticks(simulation_of(case_of(**{"people.b.strategy": "fastest"})), 60)
     fields, before = simulation.fields, simulation.scene.shared_scene.fields
     place = np.array([[9.0, 3.0]])
     differs = [
@@ -97,7 +98,7 @@ def test_groups_with_another_strategy_keep_their_travel_times():
 
 
 def test_without_the_strategy_no_travel_time_follows_the_crowd():
-    simulation = Simulation(case_of("fastest"))
+    simulation = simulation_of(case_of("fastest"))
     assert simulation.scene.quickest is None
     times, before = (fields.packed.travel_time for fields in (simulation.fields, simulation.scene.shared_scene.fields))
     assert (times == before).all()
@@ -105,7 +106,7 @@ def test_without_the_strategy_no_travel_time_follows_the_crowd():
 
 
 def test_runs_in_the_same_scene_do_not_disturb_each_other():
-    first = run_ticks(Simulation(case_of()), 60)
+    first = run_ticks(simulation_of(case_of()), 60)
     second = run_ticks(Simulation(case_of(), shared_scene=first.scene.shared_scene), 60)
     assert_same_bits(first, second)
 
@@ -113,7 +114,7 @@ def test_runs_in_the_same_scene_do_not_disturb_each_other():
 def test_a_stair_opens_and_closes_and_the_density_stays():
     """The grids of its levels are larger while it is open."""
     case = case_of(**{"building.closed": ["stair"], "people.b.area": "floor"})
-    one, other = Simulation(case), Simulation(case)
+    one, other = simulation_of(case), simulation_of(case)
     for time, kind in ((2.0, "open"), (4.0, "close")):
         one.scene.apply(evac.Change(time, kind, "stair"))
     run_ticks(one, 45)
