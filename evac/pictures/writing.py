@@ -10,6 +10,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ft2font import FT2Font
 from matplotlib.text import Text
@@ -57,7 +58,7 @@ def legible(text: str, names: list[str]) -> str:
 def legible_figure(figure: Artist) -> Iterator[list[str]]:
     """Make the texts of a figure legible while it is drawn, see `legible`; yield the words that are numbers then."""
     names = list[str]()
-    changed = [(text, text.get_text(), legible(text.get_text(), names)) for text in figure.findobj(Text)]
+    changed = [(text, text.get_text(), legible(text.get_text(), names)) for text in _texts(figure)]
     changed = [(text, words, shown) for text, words, shown in changed if shown != words]
     for text, _, shown in changed:
         text.set_text(shown)
@@ -67,6 +68,14 @@ def legible_figure(figure: Artist) -> Iterator[list[str]]:
         for text, words, shown in changed:
             if text.get_text() == shown:
                 text.set_text(words)
+
+
+def _texts(artist: Artist) -> Iterator[Text]:
+    """Yield the texts of a figure or a part of it, but for those at ticks, which take long and are set when drawn."""
+    if isinstance(artist, Text):
+        yield artist
+    for part in [artist.label] if isinstance(artist, Axis) else artist.get_children():
+        yield from _texts(part)
 
 
 def listed(names: Sequence[str]) -> list[str]:
