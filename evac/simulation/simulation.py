@@ -364,6 +364,14 @@ class Simulation(Saved):
         """End the run now, unless it has ended already; `results` are those until now."""
         self.ended = self.ended or INTERRUPTED
 
+    def release(self) -> None:
+        """Release the memory of a run that has ended, which cannot be used any more; its results stay.
+
+        Parts of a run refer to each other, so that otherwise they stay until Python looks for garbage, after many runs.
+        """
+        for part in (self.loop, self.scene, self):
+            vars(part).clear()
+
     def results(self) -> Results:
         """Return the results up to the present step."""
         results = results_of(

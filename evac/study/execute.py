@@ -231,7 +231,9 @@ def make_row(task: Task, case: Case | None = None, tick: Callable[[Progress], No
     try:
         recorded = {"output.trajectory": True} if order.is_mapped else {}
         case = base.change(order.seeds.changes(task.run) | recorded)
-        results = simulation_of(case, order.key, order.shared_scene, in_memory=True).run(tick)
+        simulation = simulation_of(case, order.key, order.shared_scene, in_memory=True)
+        results = simulation.run(tick)
+        simulation.release()
         maps, numbers = maps_of(results) if order.is_mapped else ([], [])  # finds the queues as well
         row = _row(task, results)
         return replace(row, maps=maps, told={**row.told, "tables": [*row.told["tables"], *numbers]})

@@ -1,15 +1,18 @@
 """Worker processes of studies: started by scripts without a guard or with own classes; that die or cannot start."""
 
+import gc
 import multiprocessing.process
 import subprocess
 import sys
 import textwrap
+import weakref
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 import evac
 from evac.base.errors import PluginError, ProcessWarning
+from evac.study import execute
 
 SCRIPT = """
 import enum, os
@@ -38,6 +41,24 @@ def evac_prepare(simulation):
     pathlib.Path("made").mkdir(exist_ok=True)
     (pathlib.Path("made") / str(os.getpid())).touch()
 """
+
+
+def test_no_memory_of_a_run_stays_until_python_looks_for_garbage(monkeypatch):
+    made = []
+
+    def noted(*given, **options):
+        simulation = simulation_of(*given, **options)
+        made.extend(map(weakref.ref, (simulation.scene, simulation.loop, simulation.behaviours[0][0])))
+        return simulation
+
+    simulation_of = execute.simulation_of
+    monkeypatch.setattr(execute, "simulation_of", noted)
+    gc.disable()
+    try:
+        evac.repeat(evac.load("square_room", {"people.people.number": 3, "behaviours.walking": {}}), 2, workers=1)
+        assert [one() for one in made] == 6 * [None]
+    finally:
+        gc.enable()
 
 
 @pytest.fixture(scope="module")
