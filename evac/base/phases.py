@@ -32,7 +32,7 @@ class Progress:
 
 
 def told(what: str, items: Iterable[T], count: int) -> Iterator[T]:
-    """Yield `count` items, and have it shown, if a command does so, how many of them are done."""
+    """Yield `count` items, and report how many of them are done to the display, if there is one."""
     for done, item in enumerate(items):
         tell(what, done, count)
         yield item

@@ -290,7 +290,7 @@ class Safety(Saved):
                 self._doses[k], rates = total, now
 
     def _measures(self, air: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Return what criteria look at, which is too great where they are met."""
+        """Return the quantities that are compared with the criteria, which are too great where these are met."""
         scale = irritant_scale(self._case.dose)
         found = {"visibility": air.get("extinction"), "temperature": air.get("temperature")}
         found["layer"] = -air["layer"] if "layer" in air else None

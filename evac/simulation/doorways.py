@@ -230,7 +230,7 @@ def clear_doorways(building: Building, crowd: Crowd) -> set[int]:
 
 
 def _release(crowd: Crowd, link: int) -> None:
-    """Take back that a link lets people through whom it does not direct."""
+    """Withdraw the permission to pass a link from people who are not directed through it."""
     crowd.passing[(crowd.passing == link) & ~crowd.ahead.any(axis=1)] = -1
 
 
