@@ -21,11 +21,11 @@ NearWalls = Annotated[NDArray[np.float64], Array("float64", (None, 6))]
 class Crowd(Struct):
     """The arrays of all people; row p is always person p. docs/architecture.md lists the writer of each array."""
 
-    position: Pairs  #: (n, 2) in plan [m]; written by the contact model only
+    position: Pairs  #: (n, 2) in plan [m]; of people inside only the contact model writes it
     #: (n, 2) in plan [m/s], that of the contact model, which alone writes it; the velocity of the actual motion is
     #: `Simulation.displacement_velocity`
     velocity: Pairs
-    level: Ints  #: (n,) int32, -1 once out; written by the contact model only
+    level: Ints  #: (n,) int32, -1 once out; of people inside written by the contact model and by lifts only
     radius: Floats  #: (n,) [m]
     #: (n,): radius of the body that touches others and fits through gaps, at most ``radius`` [m]; see
     #: `Behaviour.contact_radius`
