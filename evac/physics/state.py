@@ -22,7 +22,7 @@ class Crowd(Struct):
     """The arrays of all people; row p is always person p. docs/architecture.md lists the writer of each array."""
 
     position: Pairs  #: (n, 2) in plan [m]; of people inside only the contact model writes it
-    #: (n, 2) in plan [m/s], that of the contact model, which alone writes it; the velocity of the actual motion is
+    #: (n, 2) in plan [m/s], that of the contact model, which writes it of people inside; the velocity of motion is
     #: `Simulation.displacement_velocity`
     velocity: Pairs
     level: Ints  #: (n,) int32, -1 once out; of people inside written by the contact model and by lifts only

@@ -69,7 +69,7 @@ class Deciding(Saved):
         self._scene.begin()
 
     def act(self, time: float, program: Callable[[], object] | None = None) -> None:
-        """Reset speed factors and extra directions, then call a program and behaviours, all after a change of the scene."""
+        """Reset speed factors and extra directions, then call a program and behaviours, all if the scene changed."""
         changed, self.version = self._scene.version != self.version, self._scene.version
         if changed:
             self._places.assign(self._scene.fields)
