@@ -12,7 +12,7 @@ from evac import Plan
 from evac.analysis.maps import QUANTITIES
 from evac.base.errors import ResultError
 from evac.pictures import palette
-from evac.pictures.floorplan import draw_plans
+from evac.pictures.floorplan import beside, draw_plans
 from evac.pictures.map_pictures import NEVER, draw_cut, draw_maps, write_maps
 from evac.trajectory.trajectory import read_trajectory
 
@@ -112,3 +112,14 @@ def test_long_names_of_exits_beside_each_other_are_written_in_lines(turned):
     boxes = [text.get_window_extent() for text in (*plans.axes[0].texts, *plans.names)]
     assert len(boxes) == 3
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+
+
+def test_names_are_written_outside_of_lines_and_upright_at_upright_ones():
+    axes, corners = Figure().add_subplot(), [(0, 0), (4, 0), (4, 3), (0, 3), (0, 0)]
+    for one, other in itertools.pairwise(corners):
+        beside(axes, np.array([[*one, *other]], float), "door", "black")
+    written = [(text.get_ha(), text.get_va(), text.get_rotation(), *text.xy) for text in axes.texts]
+    assert written == [
+        *(("center", "top", 0, 2, 0), ("left", "center", 90, 4, 1.5)),
+        *(("center", "bottom", 0, 2, 3), ("right", "center", 90, 0, 1.5)),
+    ]

@@ -201,3 +201,10 @@ def test_places_are_drawn_in_three_dimensions(building):
     bare, drawn = (view_of(one, SIZE, camera, levels, MARGIN) for one in (building, replace(building, places=places)))
     assert {label.text for label in drawn.labels} - {label.text for label in bare.labels} == set(map(str, places))
     assert (bare.image != drawn.image).any(axis=2).mean() > 0.002
+    left, top, right, bottom = drawn.side  # of the legend
+    assert 0.5 * SIZE[0] < left < right < SIZE[0]
+    assert 0.1 * SIZE[1] < top < bottom < SIZE[1]
+    lobby = view_of(replace(building, places=places[:1]), SIZE, camera, levels, MARGIN)
+    rows, columns = np.nonzero((bare.image != lobby.image).any(axis=2))
+    x, y, _ = lobby.project(np.zeros(1, np.int32), np.array([[middle.x, middle.y, 0.0]]))[0]
+    assert (columns.mean(), rows.mean()) == (pytest.approx(x, abs=2.0), pytest.approx(y, abs=2.0))

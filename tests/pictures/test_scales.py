@@ -52,3 +52,5 @@ def test_scales_end_at_round_numbers_that_most_values_stay_below():
     grid = np.array([[np.nan, np.inf, 0.0], [1.0, 2.0, 3.0]])
     assert high_value([grid]) == 2.0  # of 1, 2 and 3, the last one below which 99 % are
     assert high_value([np.zeros((2, 2))]) == 0.0
+    ticks = {top: [float(text) for _, text in PEOPLE["speed"].ticks(top)] for top in (0.7, 6.0, 7.0)}
+    assert ticks == {0.7: pytest.approx([0.0, 0.2, 0.4, 0.6]), 6.0: [0, 1, 2, 3, 4, 5, 6], 7.0: [0, 2, 4, 6]}
