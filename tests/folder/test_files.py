@@ -1,5 +1,6 @@
 import errno
 import os
+import stat
 
 import pytest
 
@@ -8,7 +9,7 @@ from evac.base.errors import ResultError
 from evac.cli.main import main
 from evac.contract.registry import Registry, built_in
 from evac.export.exporter import export
-from evac.folder.files import note_written, replacing, writing
+from evac.folder.files import COMPLETE, MANIFEST_NAME, mark, note_written, replacing, writing
 
 
 def test_what_the_system_refuses_names_the_place_and_the_way_out(tmp_path):
@@ -40,9 +41,27 @@ def test_a_file_that_cannot_be_written_whole_stays_as_it_was(tmp_path, monkeypat
 
 def test_files_can_be_read_as_others_are(tmp_path):
     (tmp_path / "other").touch()
+    mark(tmp_path, COMPLETE, "r")
     with replacing(tmp_path / "file", "it") as new:
         new.write_text("it")
-    assert (tmp_path / "file").stat().st_mode == (tmp_path / "other").stat().st_mode
+    assert len({(tmp_path / name).stat().st_mode for name in ("file", "other", MANIFEST_NAME)}) == 1
+
+
+def test_a_file_and_then_its_folder_are_forced_to_the_disk(tmp_path, monkeypatch):
+    synced = []
+    monkeypatch.setattr(os, "fsync", lambda descriptor: synced.append(stat.S_ISDIR(os.fstat(descriptor).st_mode)))
+    with replacing(tmp_path / "file", "it") as new:
+        new.write_text("it")
+    assert synced == [False, True]
+
+
+def test_a_temporary_name_that_is_taken_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("secrets.token_hex", lambda number: "taken")
+    with replacing(tmp_path / "a.csv", "it") as new:
+        new.write_text("it")
+    new.write_text("mine")
+    with pytest.raises(ResultError, match=r"b\.csv"), replacing(tmp_path / "b.csv", "it"):
+        raise AssertionError
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from evac.base.errors import FolderWarning, ResultError
-from evac.folder.resultfolder import locked
+from evac.folder.resultfolder import holder_here, locked
 
 HOLD = """
 import sys, time
@@ -62,7 +62,10 @@ def test_a_file_system_without_locks_is_warned_of(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("content", ["precious", "[1]", "7", "{}", "link", "pipe"])
+CONTENTS = ("precious", "[1]", "7", "{}", "[" * 100_000, "link", "pipe")
+
+
+@pytest.mark.parametrize("content", CONTENTS, ids=lambda content: content[:9])
 def test_what_is_no_lock_is_left_alone(tmp_path, content):
     path, thesis = tmp_path / "r.lock", tmp_path / "thesis.txt"
     thesis.write_text(content)
@@ -77,3 +80,4 @@ def test_what_is_no_lock_is_left_alone(tmp_path, content):
         pass
     assert (path.lstat().st_ino, path.lstat().st_mode) == (before.st_ino, before.st_mode)
     assert content == "pipe" or path.read_text() == content
+    assert holder_here(path) is None
