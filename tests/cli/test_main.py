@@ -124,9 +124,9 @@ def test_long_names_and_links_to_themselves_are_refused_in_one_line(evac, tmp_pa
 
 
 def test_settings_of_matplotlib_in_the_current_folder_neither_steer_nor_break_pictures(tmp_path):
-    words = [sys.executable, "-m", "evac", "check", "square_room", "--picture", "levels.png"]
-    for folder, settings in {"set": b"font.size: 40\nsavefig.dpi: 20000\n", "broken": b"\xff\xfe"}.items():
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / "matplotlibrc").write_bytes(settings)
-        subprocess.run(words, cwd=tmp_path / folder, capture_output=True, check=True, timeout=120)
-    assert len({(tmp_path / folder / "levels.png").read_bytes() for folder in ("set", "broken")}) == 1
+    (tmp_path / "matplotlibrc").write_bytes(b"font.size: 40\nsavefig.dpi: 20000\n# \xff\xfe\n")
+    words = ["check", "square_room", "--picture"]
+    command = [sys.executable, "-m", "evac", *words, "levels.png"]
+    subprocess.run(command, cwd=tmp_path, capture_output=True, check=True, timeout=120)
+    assert main([*words, str(tmp_path / "here.png")]) == 0
+    assert (tmp_path / "levels.png").read_bytes() == (tmp_path / "here.png").read_bytes()
