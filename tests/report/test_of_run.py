@@ -2,12 +2,14 @@
 
 import base64
 import csv
+import io
 import json
 import re
 import tomllib
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import evac
 from evac.base.errors import ResultError
@@ -145,11 +147,15 @@ def test_a_preset_is_shown_as_it_was_tested(preset, subject):
     assert subject_like(case, ["walking"], list(SUBJECTS)) == subject
 
 
-def test_each_bottleneck_has_a_map_and_a_curve(page, finished):
+def test_each_bottleneck_has_a_map_and_a_curve(page, text, finished):
     queues = evac.read_results(finished).queues
     assert queues
     words = [one for one in page.of("alt") if re.match(r"\d\. (Door|Exit|Shaft|Stair|Portal|Person)", one)]
     assert [one[3:].lower() for one in words] == [f"{queue}.".lower() for queue in queues[:4]]
+    pictures = re.findall(r'<figure class="place"><img src="data:image/png;base64,([^"]*)"', text)
+    assert len(pictures) == len(words)
+    width, height = Image.open(io.BytesIO(base64.b64decode(pictures[0]))).size
+    assert width / 4 < height < width / 3  # the part of the plan is a square, a third of the width
 
 
 def test_people_left_inside_are_marked_on_the_plan(tmp_path):
