@@ -5,6 +5,7 @@ import pytest
 
 import evac
 from evac.analysis.maps import level_maps
+from evac.report.figures import BEYOND
 from evac.report.study import study_report
 from evac.results.verdict import least_margins
 from evac.study.maps import LIMITS, MARGIN, SPACING, maps_over_runs
@@ -51,6 +52,10 @@ def test_maps_over_runs_are_those_of_the_runs(tmp_path):
     text = study_report(study.folder)
     assert "mean over runs" in text
     assert "Share of the runs with margins below 0 s" in text
+    for name, limit in LIMITS.items():
+        beyond, is_any = BEYOND[name].format(limit), bool((over.shares[name] > 0.0).any())
+        told = [words in text for words in (f"Share of the runs with {beyond}.", f"No run has {beyond} at any place.")]
+        assert told == [is_any, not is_any]
     assert evac.repeat(case, 2, workers=1).maps() == {}
     (bare,) = maps_over_runs(evac.repeat(case.change({"safety": None}), 1, maps=True, workers=1), 0).values()
     assert np.isnan(bare.least_margin).all()
