@@ -41,6 +41,7 @@ def test_numbers_are_those_of_the_files(study):
     listed = page.table("Every run")[1:]
     assert [row[-1] for row in listed] == [f"{time:.2f}" for time in times]
     assert "--runs 20" in page.text
+    assert "1 to 20, a run with each" in page.text
     warned = sum(bool(row["quality_warnings"]) for row in rows_of(study))
     assert page.fact("Runs with quality warnings") == f"{warned} of 20"
 
