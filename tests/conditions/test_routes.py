@@ -136,3 +136,5 @@ def test_smoke_that_ends_at_a_stair_leaves_the_ways_round_its_posts_and_those_to
     results = simulation_of(evac.load(table)).run()
     assert results.ended == "everybody out or at a safe place"
     assert results.crowd.exit_time[0] < 25.0
+    solved = results.conditions["routes"]
+    assert solved["levels_solved"] > solved["solves"] > 0

@@ -5,6 +5,7 @@ from shapely import box
 
 import evac
 from evac.base.errors import ScenarioError
+from evac.people.places import routes_to_places
 from evac.report.of_run import main_results
 from evac.results.answer import answer_of
 from evac.simulation.simulation import Simulation
@@ -41,6 +42,12 @@ def test_an_event_sends_people_to_exits_or_to_assembly_areas():
     case_of({"time": 1.0, "value": ["at yard"]}, {"time": 2.0, "value": ["out"]})
     with pytest.raises(ScenarioError, match=r"event\.1\.value.*not both"):
         case_of({"time": 1.0, "value": ["out"]}, {"time": 2.0, "value": ["out", "at yard"]})
+
+
+def test_the_places_of_an_event_are_those_of_its_group_alone():
+    table = case_of({"time": 1.0, "value": ["at yard"]}).to_dict()
+    case = evac.load(table | {"people": [*table["people"], {"name": "staff", "area": "room", "number": 1}]})
+    assert {one.name: [*routes_to_places(case, one)] for one in case.people} == {"class": ["at yard"], "staff": []}
 
 
 def test_people_go_to_their_assembly_area_and_count_as_there(tmp_path):
