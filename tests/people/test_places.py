@@ -8,7 +8,7 @@ from evac.base.errors import ScenarioError
 from evac.people.places import routes_to_places
 from evac.report.of_run import main_results
 from evac.results.answer import answer_of
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 
 
 def case_of(*events, places=("yard",), rooms=(None,), number=8, shown=False, **group):
@@ -99,7 +99,7 @@ def test_who_finds_no_room_goes_to_another_area_or_leaves():
 def test_events_send_people_on_when_they_have_arrived():
     on = {"when": {"count": 8, "area": "yard", "after": 10.0}, "value": ["at corner"]}
     case = case_of(on, {"time": 60.0, "value": []}, places=("yard", "corner"), rooms=(None, None))
-    simulation = Simulation(case)
+    simulation = simulation_of(case)
     where = {}
     while not simulation.ended:
         simulation.advance_tick()
@@ -117,7 +117,7 @@ def test_a_run_ends_when_the_condition_of_an_event_can_not_come_true_any_more():
 
 
 def test_a_change_in_python_sends_a_group_back_to_its_area():
-    simulation = Simulation(case_of({"time": 5.0, "value": []}))
+    simulation = simulation_of(case_of({"time": 5.0, "value": []}))
     simulation.scene.apply(evac.Change(6.0, "strategy", "class", {"value": ["at yard"]}))
     results = simulation.run()
     assert len(results.places[0].people) + results.evacuated == 8

@@ -4,7 +4,7 @@ import numpy as np
 
 import evac
 from evac.directions.routes import PREFERRED
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 from tests.simulation.test_lifts import tower
 
 
@@ -19,7 +19,7 @@ def towers(number, behaviour, *events, people=None, **changes):
         "directions": {"spacing": 0.2},
         "simulation": {"duration": 900.0},
     }
-    return Simulation(evac.load(table, changes))
+    return simulation_of(evac.load(table, changes))
 
 
 def riders(simulation):

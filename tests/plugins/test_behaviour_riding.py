@@ -5,7 +5,7 @@ import pytest
 from shapely import box
 
 import evac
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 
 #: Capacity of an escalator with steps of 1 m at 0.5 m/s in EN 115-1 [1/s].
 CAPACITY = 6000.0 / 3600.0
@@ -24,7 +24,7 @@ def escalator(number, width=1.0, **riding):
         "contact": {"model": "nsm2"},
         "behaviours": {"walking": {}, "riding": riding},
     }
-    return Simulation(evac.load(content))
+    return simulation_of(evac.load(content))
 
 
 def offsets(simulation):

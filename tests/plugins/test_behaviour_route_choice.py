@@ -181,7 +181,7 @@ def test_refuses_settings(settings, message):
     [
         ({"exits": ["stairs"]}, 0, r"people\.group 0\.behaviours\.route_choice\.exits: 'stairs'.*'stair'"),
         ({"strategies": ["shortest"]}, 0, "strategies: 'shortest'"),
-        ({"exits": ["stair"]}, 1, r"people\.group 0\.exits: .*flat"),
+        ({"exits": ["stair"]}, 1, r"people\.group 0\.exits: .*flat.* \(stair\); add"),
     ],
 )
 def test_refuses_groups_that_ask_for_more(building, group, route, message):

@@ -8,7 +8,7 @@ import evac
 from evac.conformance import check_plugin
 from evac.contract.registry import Registry
 from evac.people.dispatcher import Car, StopCall
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 from tests.simulation.test_lifts import case, group, tower
 
 REGISTRY = Registry()
@@ -60,7 +60,7 @@ def test_storeys_are_served_in_the_order_of_a_case():
         "nsm1",
         **{"dispatchers.priority": {"storeys": ["s3", "s1"]}},
     )
-    simulation = Simulation(scene)
+    simulation = simulation_of(scene)
     assert simulation.run().ended == "everybody out"
     served = simulation.lifts.trips[:, 2].astype(int).tolist()
     assert [*dict.fromkeys(served)] == [3, 1, 4, 2]
@@ -74,10 +74,10 @@ def test_a_dispatcher_that_sends_a_car_where_nobody_calls_is_named(tmp_path):
     )
     table = {"building": tower(), "people": [group(1, "s1")], "contact": {"model": "nsm1"}}
     table["dispatchers"] = {"wrong": {}}
-    simulation = Simulation(evac.load(table, plugin_files=[file]))
+    simulation = simulation_of(evac.load(table, plugin_files=[file]))
     with pytest.raises(evac.PluginError, match=r"wrong.*17"):
         simulation.run()
     two = {"dispatchers.top_down": {}, "dispatchers.nearest_call": {}}
     scene = case(tower(), [group(1, "s1")], **two)
     with pytest.raises(evac.ScenarioError, match="dispatchers"):
-        Simulation(scene)
+        simulation_of(scene)

@@ -7,7 +7,7 @@ import evac
 from evac import Behaviour
 from evac.base.errors import PluginError, ScenarioError
 from evac.contract.registry import Registry
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 
 #: Two rooms of one level, whose wall has a gap at its end.
 ROOMS = "POLYGON ((0 0, 6 0, 6 4.8, 6.2 4.8, 6.2 0, 12 0, 12 6, 0 6, 0 0))"
@@ -51,7 +51,7 @@ ALARM = {"kind": "alarm", "target": "east", "time": 5.0}
 
 
 def starts(case):
-    simulation = Simulation(case)
+    simulation = simulation_of(case)
     simulation.run()
     return simulation.population.crowd.start_time.tolist()
 
@@ -71,6 +71,6 @@ def test_people_who_walk_are_a_cue_for_those_who_see_them():
 def test_a_field_of_a_behaviour_is_a_cue_from_its_threshold_on():
     assert starts(rooms(fields={"smoke": 0.45})) == pytest.approx([np.inf] * 4 + [2.5 + 3.0], abs=0.11)
     with pytest.raises((PluginError, ScenarioError), match=r"'smok'.*'smoke'"):
-        Simulation(rooms(fields={"smok": 0.5})).run()
+        simulation_of(rooms(fields={"smok": 0.5})).run()
     with pytest.raises(PluginError, match=r"response_time\.fields"):
-        Simulation(rooms(fields={"smoke": "much"}))
+        simulation_of(rooms(fields={"smoke": "much"}))

@@ -6,7 +6,7 @@ from shapely import box
 
 import evac
 from evac.report.sections import building_section
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 
 
 def hall(control=None, *events, kind="exit", people=12, **changes):
@@ -42,7 +42,7 @@ def event(kind, target, time, **values):
 
 def passages(case, kind="exit"):
     """Return the results and the times at which people pass the link, in order."""
-    results = Simulation(case).run()
+    results = simulation_of(case).run()
     _, portal, time = results.crossings
     if kind == "exit":
         return results, np.sort(results.crowd.exit_time[np.isfinite(results.crowd.exit_time)])
@@ -78,12 +78,12 @@ def test_so_many_people_pass_a_door_and_the_others_are_named_with_the_event_that
 def test_a_leaf_opens_after_its_delay_and_closes_behind_the_last_one():
     one = {"people.p.area": None, "people.p.number": None, "people.p.level": "ground", "simulation.no_progress": 5.0}
     case = hall({"delay": 3.0, "hold": 2.0}, **one | {"people.p.positions": [[3.0, 3.0], [14.0, 3.0]]})
-    free = Simulation(case.change({"building.plan.exits.exit.control": {"delay": 0.0}})).run().crowd.exit_time
-    time = Simulation(case).run().crowd.exit_time
+    free = simulation_of(case.change({"building.plan.exits.exit.control": {"delay": 0.0}})).run().crowd.exit_time
+    time = simulation_of(case).run().crowd.exit_time
     assert time[0] - free[0] == pytest.approx(3.0, abs=0.9)  # who has come stands, and starts from rest
     assert time[1] - free[1] == pytest.approx(3.0, abs=0.9)  # it has closed behind the first one
     stays = case.change({"building.plan.exits.exit.control": {"delay": 3.0}})
-    assert Simulation(stays).run().crowd.exit_time[1] == pytest.approx(free[1], abs=1e-9)
+    assert simulation_of(stays).run().crowd.exit_time[1] == pytest.approx(free[1], abs=1e-9)
 
 
 def test_controls_are_recorded_written_and_shown(tmp_path):
@@ -120,7 +120,7 @@ def test_nobody_enters_and_those_inside_go_on(target):
     )
     people = [one.model_dump(exclude_unset=True) for one in case.people]
     case = case.change({"people": [people[0] | {"exits": ["exit"]}, below]})
-    simulation = Simulation(case)
+    simulation = simulation_of(case)
     inside = {one.level for one in simulation.building.parts_named(target)}
     before = simulation.population.crowd.level.copy()
     while not simulation.ended:
@@ -135,7 +135,7 @@ def test_nobody_enters_and_those_inside_go_on(target):
 def test_who_is_on_a_stair_that_closes_leaves_it_or_is_shut_in():
     outcome = {}
     for value in ({}, {"value": "all"}):
-        results = Simulation(hall(None, event("close", "stair", 7.0, **value), kind="stair")).run()
+        results = simulation_of(hall(None, event("close", "stair", 7.0, **value), kind="stair")).run()
         flight = results.building.pieces_of("stair")
         outcome[bool(value)] = results.evacuated, int(np.isin(results.crowd.level, flight).sum())
         assert results.building.closed
@@ -155,13 +155,13 @@ def test_who_is_on_a_stair_that_closes_leaves_it_or_is_shut_in():
 
 def test_what_cannot_be_controlled_so_is_refused():
     with pytest.raises(evac.EvacError, match=r"controls\.gate.*'gate'|'gate'"):
-        Simulation(hall(**{"building.controls": {"gate": {"every": 1.0}}}))
+        simulation_of(hall(**{"building.controls": {"gate": {"every": 1.0}}}))
     with pytest.raises(evac.EvacError, match=r"building\.controls\.exit\.every"):
         hall(**{"building.controls": {"exit": {"every": 0.0}}})
     with pytest.raises(evac.EvacError, match=r"event\.0\.value"):
         hall(None, event("control", "exit", 1.0, value={"ever": 1.0}))
     with pytest.raises(evac.EvacError, match="start"):
-        Simulation(hall(None, event("no_entry", "start", 1.0)))
+        simulation_of(hall(None, event("no_entry", "start", 1.0)))
 
 
 @pytest.mark.parametrize(("post", "control"), [(0.1, {"delay": 1.0, "hold": 1.0}), (0.2, {"every": 2.0})])
@@ -176,4 +176,4 @@ def test_who_stands_between_two_controlled_doors_passes_the_nearer_one(post, con
     people = [{"name": "p", "number": 12, "area": "start", "speed": 1.3, "radius": 0.2}]
     simulation = {"duration": 60.0, "seed": 1, "no_progress": 10.0}
     case = evac.load({"building": plan, "contact": {"model": "nsm1"}, "people": people, "simulation": simulation})
-    assert Simulation(case).run().ended == "everybody out"
+    assert simulation_of(case).run().ended == "everybody out"

@@ -14,7 +14,7 @@ from evac.pictures.palette import CAR, rgb
 from evac.pictures.render import Renderer
 from evac.replay.writer import cars_for_page, packed
 from evac.simulation.lifts import CLOSING, OPEN, OPENING, RIDES
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 from tests.runs import assert_same_bits, run_ticks
 
 
@@ -84,7 +84,7 @@ def watched(simulation):
 
 def test_a_person_calls_the_car_rides_and_walks_out_in_the_time_of_walk_flight_and_doors():
     person = {"name": "one", "positions": [[5.0, 3.0]], "level": "s1", "speed": 1.0, "lifts": "preferred"}
-    simulation = watched(Simulation(case(tower((0.0, 3.5)), [person])))
+    simulation = watched(simulation_of(case(tower((0.0, 3.5)), [person])))
     flight = Motion(3.5, 1.0, 0.8, 1.0).duration
     times = [change.time for change in simulation.scene.changes]
     # called, then flight with its delay, opening; walk in; dwell and closing; flight; opening
@@ -108,7 +108,7 @@ def last_out(lift, transfers):
 
 def test_a_shuttle_makes_no_extra_trip_and_its_time_is_that_of_the_hand_calculation_with_measured_transfers():
     """With one second for each person in and out, the calculation gives the times that are stated: 40 people."""
-    simulation = watched(Simulation(case(tower(cars=2, **SHUTTLE), [group(40, "s1")], "nsm1")))
+    simulation = watched(simulation_of(case(tower(cars=2, **SHUTTLE), [group(40, "s1")], "nsm1")))
     trips, changes = simulation.lifts.trips, simulation.scene.changes
     assert trips[:, 4].tolist() == [10.0] * 4
     hands = []
@@ -126,7 +126,7 @@ def test_people_are_called_to_the_door_of_a_car_of_a_bank_before_it_arrives():
     """All wait before the uppermost of three doors; when the three cars open theirs, somebody stands before each."""
     places = np.stack(np.meshgrid(np.linspace(8.2, 9.7, 4), np.linspace(4.0, 5.7, 4)), axis=-1).reshape(-1, 2).tolist()
     people = {"name": "crowd", "level": "s1", "positions": places, "lifts": "preferred"}
-    simulation = Simulation(case(tower(cars=3, capacity=6), [people], "nsm1"))
+    simulation = simulation_of(case(tower(cars=3, capacity=6), [people], "nsm1"))
     crowd, lobby = simulation.population.crowd, simulation.building.level_named("s1").index
     while not (is_open := (simulation.lifts.phase == OPEN) & (simulation.lifts.stop == 1)).any():
         simulation.advance_tick()
@@ -148,15 +148,15 @@ def test_people_near_two_lifts_wait_for_the_one_to_whose_door_they_walk():
         ground, door = box(10.2, y - 0.8, 11.6, y + 0.8), [(10.2, y - 0.45), (10.2, y + 0.45)]
         plan.lift(f"lift {y}", ["s0", "s1"], ground, door, operation={**own, "dwell": 1.0, "wait": 30.0})
     people = {"name": "all", "level": "s1", "lifts": "preferred", "positions": [[9.3, 0.8 + 0.6 * k] for k in range(4)]}
-    simulation = watched(Simulation(case(plan, [people], behaviours={})))
+    simulation = watched(simulation_of(case(plan, [people], behaviours={})))
     assert simulation.ended == "everybody out"
 
 
 def test_a_full_car_leaves_the_others_waiting_by_persons_and_by_load():
     people = [group(6, "s1", mass=80.0)]
-    by_persons = watched(Simulation(case(tower((0.0, 4.0), capacity=4), people)))
+    by_persons = watched(simulation_of(case(tower((0.0, 4.0), capacity=4), people)))
     assert by_persons.lifts.trips[:, 4].tolist() == [4.0, 2.0]
-    by_load = watched(Simulation(case(tower((0.0, 4.0), load=250.0), people)))
+    by_load = watched(simulation_of(case(tower((0.0, 4.0), load=250.0), people)))
     assert by_load.lifts.trips[:, 4].tolist() == [3.0, 3.0]
     use = by_load.results().lifts[0]
     assert (use["trips"], use["people"]) == (2, 6)
@@ -168,7 +168,7 @@ def test_a_full_car_leaves_the_others_waiting_by_persons_and_by_load():
 def test_only_those_who_ride_get_in_and_who_cannot_use_stairs_rides():
     wheelchairs = group(3, "s2", name="wheelchairs", steepest=0.0, lifts=None)
     people = [group(6, "s2", lifts=""), wheelchairs, group(8, "s1", lifts="weighed")]
-    simulation = watched(Simulation(case(tower((0.0, 4.0, 8.0), stair=True), people)))
+    simulation = watched(simulation_of(case(tower((0.0, 4.0, 8.0), stair=True), people)))
     assert simulation.ended == "everybody out"
     rode = {int(row) for row in simulation.lifts.rides[:, 0]}
     names = [one.name for one in simulation.case.people]
@@ -180,7 +180,7 @@ def test_only_those_who_ride_get_in_and_who_cannot_use_stairs_rides():
 def test_wheelchairs_take_the_ground_that_they_need_and_block_no_car(capacity, others, trips):
     wide = group(2, "s1", name="wheelchairs", radius=0.4, turns=False, steepest=0.0, lifts=None)
     people = [wide, *([group(others, "s1")] if others else [])]
-    simulation = watched(Simulation(case(tower((0.0, 4.0), capacity=capacity), people, "nsm1")))
+    simulation = watched(simulation_of(case(tower((0.0, 4.0), capacity=capacity), people, "nsm1")))
     assert simulation.ended == "everybody out"
     assert len(simulation.lifts.rides) == 2 + others
     assert len(simulation.lifts.trips) >= trips
@@ -188,7 +188,7 @@ def test_wheelchairs_take_the_ground_that_they_need_and_block_no_car(capacity, o
 
 def test_who_uses_no_stairs_and_is_pushed_onto_one_walks_back_and_rides():
     people = group(2, "s2", name="wheelchairs", radius=0.3, turns=False, steepest=0.0, lifts=None)
-    simulation = Simulation(case(tower((0.0, 4.0, 8.0), stair=True), [people], "nsm1"))
+    simulation = simulation_of(case(tower((0.0, 4.0, 8.0), stair=True), [people], "nsm1"))
     crowd, landing = simulation.population.crowd, simulation.building.level_named("stair 2 landing z=6.00")
     with simulation.population.writable():
         crowd.level[0], crowd.position[0] = landing.index, (2.6, -3.6)
@@ -205,7 +205,7 @@ def test_people_leave_a_refuge_as_soon_as_a_lift_runs(closes):
     events = [{"time": 20.0, "kind": "open", "target": "lift 0"}]
     events += [{"time": 2.0, "kind": "close", "target": "lift 0"}] if closes else []
     place = [{"name": "refuge", "kind": "refuge", "area": "lobby"}]
-    simulation = Simulation(case(plan, [wide], "nsm1", event=events, place=place))
+    simulation = simulation_of(case(plan, [wide], "nsm1", event=events, place=place))
     run_ticks(simulation, round(19.0 / simulation.case.simulation.tick))
     assert simulation.places.arrived.all()
     assert watched(simulation).ended == "everybody out"
@@ -217,7 +217,7 @@ def test_who_weighs_lifts_is_not_later_than_by_stairs():
     runs = {}
     for strategy, lifts in [("fastest", ""), ("quickest", "weighed")]:
         people = [group(12, f"s{storey}", strategy=strategy, lifts=lifts) for storey in range(1, 4)]
-        runs[strategy, lifts] = simulation = watched(Simulation(case(plan, people, "nsm1")))
+        runs[strategy, lifts] = simulation = watched(simulation_of(case(plan, people, "nsm1")))
         assert simulation.ended == "everybody out"
         rode = simulation.lifts.rides[:, 0].astype(int)
         by_stairs = runs["fastest", ""].population.crowd.exit_time
@@ -232,7 +232,7 @@ def test_the_expected_wait_is_that_of_the_trips_for_all_on_the_way(cars):
     """Trips by hand: the highest storey first, each by the car that is back first."""
     operation = SHUTTLE | {"start": "s0", "opening": 2.0, "closing": 3.0, "wait": 0.0}
     plan = tower((0.0, 10.0, 20.0), cars, **operation)
-    simulation = Simulation(case(plan, [group(1, "s2", strategy="quickest", lifts="weighed")]))
+    simulation = simulation_of(case(plan, [group(1, "s2", strategy="quickest", lifts="weighed")]))
     lifts, on_way = simulation.building.lifts, np.zeros(len(simulation.building.levels), np.int32)
     for people, stop in [(25, 2), (4, 1)]:
         on_way[[lift.rooms[stop] for lift in lifts]] = np.diff(np.linspace(0, people, cars + 1).astype(int))
@@ -253,7 +253,7 @@ def test_those_are_on_the_way_to_a_lift_who_climb_to_it():
     plan.lift("lift", ["s0", "s2"], box(10.2, 2.2, 11.6, 3.8), [(10.2, 2.55), (10.2, 3.45)])
     plan.exit("door", "s0", [(0, 2), (0, 4)])
     people = [group(6, "s1", lifts="weighed"), group(2, "s2"), group(3, "s0", lifts="")]
-    simulation, seen = Simulation(case(plan, people, "nsm1")), []
+    simulation, seen = simulation_of(case(plan, people, "nsm1")), []
     waits = simulation.scene.waits_for_lifts
     simulation.scene.waits_for_lifts = lambda on_way: (seen.append(on_way.tolist()), waits(on_way))[1]
     assert watched(simulation).ended == "everybody out"
@@ -273,7 +273,7 @@ def test_helpers_bring_people_by_lift_also_if_the_car_parts_them():
     staff = group(1, "s1", name="staff", lifts="", behaviours={"helpers": {"fetches": "patients"}})
     helpers = {"areas": ["ward"], "preparation": 3.0, "lifts": "weighed"}
     scene = case(plan, [patients, staff], "nsm1", behaviours={"walking": {}, "helpers": helpers})
-    simulation = watched(Simulation(scene))
+    simulation = watched(simulation_of(scene))
     assert simulation.ended == "everybody out"
     assert sorted(simulation.lifts.rides[:, 0].tolist()) == [0.0, 1.0]
     assert len(simulation.lifts.trips) == 2
@@ -296,11 +296,11 @@ def test_a_car_takes_people_up_to_their_goals_while_others_go_down():
         group(6, "s2", name="others"),
     ]
     scene = case(plan, people, "nsm1", place=place)
-    whole, resumed, ticks = Simulation(scene), None, 0
+    whole, resumed, ticks = simulation_of(scene), None, 0
     while not whole.ended:
         whole.advance_tick()
         if resumed is None and len(whole.lifts.trips) and whole.lifts.phase[0] == RIDES:
-            resumed = Simulation(scene)
+            resumed = simulation_of(scene)
             resumed.restore(whole.state())
         elif resumed is not None and ticks < 300:
             resumed.advance_tick()
@@ -326,7 +326,7 @@ def test_who_rides_up_as_the_lift_goes_out_of_service_gets_out_and_takes_the_sta
     fire = group(2, "s0", name="firefighters", assembly=["command"])
     event = {"kind": "close", "target": "lift 0", "time": at}
     changes = {"directions.spacing": spacing}
-    simulation = watched(Simulation(case(plan, [fire], "nsm1", place=place, event=[event], **changes)))
+    simulation = watched(simulation_of(case(plan, [fire], "nsm1", place=place, event=[event], **changes)))
     assert simulation.ended == "everybody out or at a safe place"
     assert len(simulation.results().places[0].people) == 2
 
@@ -337,14 +337,14 @@ def test_smoke_in_a_lobby_recalls_a_lift():
     event = {"when": {"smoke": 0.5, "area": "lobby"}, "kind": "close", "target": "lift 0"}
     growing = {"source": "prescribed", "times": [0, 20], "values": {"extinction": [0, 1]}, "hold": True}
     scene = case(plan, [group(20, "s1")], event=[event], conditions=[growing], smoke={"routes": False})
-    simulation = watched(Simulation(scene))
+    simulation = watched(simulation_of(scene))
     (change,) = [change for change in simulation.scene.changes if change.kind == "close"]
     assert 10.0 <= change.time <= 12.1  # the air is looked at every 2 s
     assert simulation.ended == "everybody out"
     assert (simulation.lifts.trips[:, 1] < change.time + 30.0).all()
     assert len(simulation.lifts.rides) < 20
     with pytest.raises(EvacError, match=r"when\.smoke: "):
-        Simulation(case(plan, [group(1, "s1")], event=[event]))
+        simulation_of(case(plan, [group(1, "s1")], event=[event]))
 
 
 def test_who_stands_in_the_niche_of_another_door_walks_round_its_posts_to_the_car_that_comes():
@@ -356,7 +356,7 @@ def test_who_stands_in_the_niche_of_another_door_walks_round_its_posts_to_the_ca
         door, ground = [(10.2, y - 0.55), (10.2, y + 0.55)], box(10.2, y - 0.8, 11.6, y + 0.8)
         plan.lift(f"lift {car}", ["s0", "s1"], ground, door, operation={"bank": "cars"})
     person = {"name": "one", "positions": [[10.05, 2.3]], "level": "s1", "radius": 0.15, "lifts": "preferred"}
-    simulation = watched(Simulation(case(plan, [person])))
+    simulation = watched(simulation_of(case(plan, [person])))
     assert simulation.ended == "everybody out"
     assert simulation.lifts.trips[:, 0].tolist() == [0.0]  # the first car that came, not another one after it
 
@@ -365,17 +365,17 @@ def test_who_is_too_heavy_for_a_car_lets_the_others_pass_and_who_is_for_all_is_n
     heavy = {"name": "heavy", "level": "s1", "mass": 200.0, "positions": [[9.6, 3.0]], "lifts": "preferred"}
     others = group(4, "s1", mass=70.0)
     plan = tower((0.0, 4.0), load=210.0)
-    simulation = watched(Simulation(case(plan, [heavy, others])))
+    simulation = watched(simulation_of(case(plan, [heavy, others])))
     assert simulation.ended == "everybody out"
     assert sorted(simulation.lifts.trips[:, 4].tolist()) in ([1.0, 1.0, 3.0], [1.0, 2.0, 2.0])
     few = {"building.lifts": {"lift 0": {"load": 150.0}}}
-    (warning,) = Simulation(case(plan, [heavy, others], **few)).warnings()
+    (warning,) = simulation_of(case(plan, [heavy, others], **few)).warnings()
     assert warning.startswith("people.heavy: ")
 
 
 def test_who_gets_out_and_in_again_does_not_hold_the_doors():
     plan = tower((0.0, 4.0), capacity=4, start="s1", dwell=3.0)
-    simulation = Simulation(case(plan, [group(1, "s1")]))
+    simulation = simulation_of(case(plan, [group(1, "s1")]))
     lifts, room = simulation.lifts, simulation.building.lifts[0].rooms[1]
     crowd, lobby = simulation.population.crowd, simulation.building.level_named("s1").index
     while crowd.level[0] != room:
@@ -396,7 +396,7 @@ def test_who_gets_out_and_in_again_does_not_hold_the_doors():
 
 def test_a_run_resumed_while_doors_open_people_board_ride_and_get_out_has_the_same_bits():
     scene = case(tower((0.0, 4.0), cars=2, capacity=3, start="s1"), [group(5, "s1", strategy="quickest")])
-    whole, resumed, known = Simulation(scene), None, set()
+    whole, resumed, known = simulation_of(scene), None, set()
     while not whole.ended:
         whole.advance_tick()
         if resumed is not None:
@@ -405,7 +405,7 @@ def test_a_run_resumed_while_doors_open_people_board_ride_and_get_out_has_the_sa
         if not phases <= known and (RIDES not in phases or len(whole.lifts.trips)):
             known |= phases
             assert_goes_on(whole, resumed)
-            resumed = Simulation(scene)
+            resumed = simulation_of(scene)
             resumed.restore(whole.state())
     assert known >= {OPENING, OPEN, CLOSING, RIDES}
     assert_goes_on(whole, resumed)
@@ -466,12 +466,12 @@ def test_a_recorded_run_has_its_lifts_and_the_heights_of_people_who_ride(tmp_pat
 def test_events_name_lifts_and_not_their_doors(kind, value):
     event = {"time": 3.0, "kind": kind, "target": "s1 - lift 0 s1"} | ({} if value is None else {"value": value})
     with pytest.raises(EvacError, match="lift 0"):
-        Simulation(case(tower((0.0, 4.0)), [group(3, "s1")], event=[event]))
+        simulation_of(case(tower((0.0, 4.0)), [group(3, "s1")], event=[event]))
 
 
 def test_a_closed_storey_leaves_the_doors_of_lifts_to_the_lift():
     """People in the car get out where nobody may enter, and no more get in than there is room for."""
     event = {"time": 3.0, "kind": "no_entry", "target": "s1"}
     plan = tower((0.0, 4.0), stair=True, capacity=2)
-    simulation = watched(Simulation(case(plan, [group(5, "s1")], event=[event])))
+    simulation = watched(simulation_of(case(plan, [group(5, "s1")], event=[event])))
     assert simulation.ended == "everybody out"

@@ -8,7 +8,7 @@ from shapely import box
 
 import evac
 from evac.base.errors import BuildingError
-from evac.simulation.simulation import Simulation
+from evac.simulation.shared import simulation_of
 from tests.runs import run_ticks
 
 RUBBING = """
@@ -75,7 +75,7 @@ def walkway(speed=0.0, model="nsm2", plugin_files=(), **settings):
 
 def way_after(case, seconds, start):
     """Return the position and the velocity of the person after a time; it starts with a velocity along x."""
-    simulation = Simulation(case)
+    simulation = simulation_of(case)
     crowd = simulation.population.crowd
     crowd.velocity[0, 0] = start
     while simulation.time < seconds:
@@ -134,8 +134,10 @@ def stairs_taken(simulation):
 
 def test_ways_lead_over_what_moves_their_way():
     up, down = {"speed": 0.5}, {"speed": 0.5, "towards": "down"}
-    assert stairs_taken(Simulation(escalators(people=[UP], one=up, two=down))) == {"one"}
-    assert stairs_taken(Simulation(escalators(people=[UP], one=down, two={"speed": 0.5, "towards": "high"}))) == {"two"}
+    assert stairs_taken(simulation_of(escalators(people=[UP], one=up, two=down))) == {"one"}
+    assert stairs_taken(simulation_of(escalators(people=[UP], one=down, two={"speed": 0.5, "towards": "high"}))) == {
+        "two"
+    }
 
 
 def test_an_event_stops_and_turns_an_escalator():
@@ -144,7 +146,7 @@ def test_an_event_stops_and_turns_an_escalator():
         {"time": 5.0, "kind": "move", "target": "one", "value": False},
         {"time": 60.0, "kind": "move", "target": "two", "value": {"speed": 0.4}},
     ]
-    simulation = Simulation(escalators(events, [UP], one=down, two=down))
+    simulation = simulation_of(escalators(events, [UP], one=down, two=down))
     assert not simulation.scene.building.leads_from(simulation.scene.building.portals[0], 0)
     assert stairs_taken(simulation) == {"one"}
     assert str(simulation.ended) == "everybody out"
@@ -153,7 +155,7 @@ def test_an_event_stops_and_turns_an_escalator():
 
 
 def test_who_was_turned_back_on_the_line_of_an_escalator_follows_its_other_direction():
-    simulation = Simulation(escalators(people=[UP | {"number": 1}], two={"speed": 0.5, "towards": "down"}))
+    simulation = simulation_of(escalators(people=[UP | {"number": 1}], two={"speed": 0.5, "towards": "down"}))
     crowd, building = simulation.population.crowd, simulation.scene.building
     top = next(way for way in building.portals if "one" in way.name and "high" in way.name)
     flight = next(level.index for level in building.levels if level.stair == "one")
@@ -180,4 +182,4 @@ def test_the_trajectory_has_what_moves(tmp_path):
 )
 def test_what_cannot_move_is_refused_by_name(name, moving):
     with pytest.raises(BuildingError, match=name):
-        Simulation(escalators(people=[UP], **{name: moving}))
+        simulation_of(escalators(people=[UP], **{name: moving}))

@@ -80,31 +80,30 @@ def test_leaving_out_changes_no_bit_in_the_school():
     assert len(lean.population.crossings[0]) > 50
 
 
-SCRIPT = """
-import sys
-import numpy as np
-from tests.runs import model_of, run_ticks
-from evac.case.loading import load_case
-from evac.simulation.simulation import Simulation
-for model in ("dem", "nsm1", "nsm2"):
-    changes = {"people.people.number": 12, "forces.social.strength": 2000.0, "directions.spacing": 0.4,
-               "behaviours.response_time.time": {"uniform": [0.0, 0.5]}}
-    simulation = run_ticks(Simulation(load_case("square_room", changes | model_of(model))), 20)
-    report = simulation.engine.report()
-    assert report["contacts"] + report["solves"] > 3
-    crowd = simulation.population.crowd
-    np.save(f"{sys.argv[1]}/{model}.npy", np.column_stack([crowd.position, crowd.velocity]))
-"""
+def write_answers(folder):
+    """Write positions and velocities of few people after some steps of each model."""
+    changes = {
+        **{"people.people.number": 12, "forces.social.strength": 2000.0, "directions.spacing": 0.4},
+        "behaviours.response_time.time": {"uniform": [0.0, 0.5]},
+    }
+    for model in MODELS:
+        simulation = run_ticks(Simulation(load_case("square_room", changes | model_of(model))), 20)
+        report, crowd = simulation.engine.report(), simulation.population.crowd
+        assert report["contacts"] + report["solves"] > 3
+        np.save(f"{folder}/{model}.npy", np.column_stack([crowd.position, crowd.velocity]))
 
 
 def test_the_same_answers_without_compilation(tmp_path):
-    for off in ("0", "1"):
-        (tmp_path / off).mkdir()
-        command = [sys.executable, "-c", SCRIPT, str(tmp_path / off)]
-        environment = os.environ | {"NUMBA_DISABLE_JIT": off}
-        subprocess.run(command, env=environment, check=True, timeout=600, cwd=Path(__file__).parents[2])
+    compiled, plain = tmp_path / "compiled", tmp_path / "plain"
+    compiled.mkdir()
+    plain.mkdir()
+    write_answers(compiled)
+    script = f"from tests.simulation.test_simulation import write_answers; write_answers({str(plain)!r})"
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    checkout = Path(__file__).parents[2]
+    subprocess.run([sys.executable, "-c", script], env=environment, check=True, timeout=600, cwd=checkout)
     for model in MODELS:
-        one, other = (np.load(tmp_path / off / f"{model}.npy") for off in ("0", "1"))
+        one, other = (np.load(folder / f"{model}.npy") for folder in (compiled, plain))
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
 
 
