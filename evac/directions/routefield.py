@@ -153,7 +153,7 @@ class RouteField(Saved):
         of_class, index = divmod(number, len(fields.routes))
         grids, self._factor = fields.grids[of_class].grids, fields.grids[of_class].factor
         self._clear = self._factor
-        self.number, self._grids, self._gates = number, grids, gates
+        self.number, self._grids, self._queues = number, grids, gates.queues
         self._travel_time, self._direction = travel_time, direction
         tell(PREPARING, 0, 3)
         base = self._read(fields.packed)
@@ -308,8 +308,9 @@ class RouteField(Saved):
         waves, changed, wanted = self.waves, set(), np.empty_like(self.speed)
         for level in levels & set(self._places):
             packed = self._grids.levels[level].packed
-            queues = self._gates.queues
-            differs = find_speeds(packed.start, packed.stop, density, floor, waves, queues, STEP, self.speed, wanted)
+            differs = find_speeds(
+                packed.start, packed.stop, density, floor, waves, self._queues, STEP, self.speed, wanted
+            )
             if differs > noticed:
                 self._take_speeds(level, wanted[packed])
                 changed.add(level)

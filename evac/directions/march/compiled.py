@@ -158,8 +158,8 @@ class CompiledMarch(Solver):
         beside = waves.beside[np.concatenate([lines + sign * step for sign in (1, -1) for step in steps])]
         border = np.union1d(waves.border, beside[beside >= 0])
         waves.border = border[self.solved[border]]
-        no_node = waves.gate[:0]
-        self.waves = waves = waves.replace(gate_at=no_node, gate=no_node, walk=waves.walk[:0])
+        nowhere = np.zeros(0, np.int32)
+        self.waves = waves = waves.replace(gate_at=nowhere, gate=nowhere, walk=np.zeros(0))
         self.solve()
         waves.former[:], waves.hesitation = waves.exit, math.inf
 
