@@ -181,10 +181,13 @@ class RouteField(Saved):
         jumps = np.zeros(grids.size, np.bool_)  # whose nodes belong to no pocket
         jumps[self.waves.jump_start] = jumps[self.waves.jump_end] = True
         self._pockets = Pockets(grids, joins, joins & (jumps | ~self.march.solved), ways.source, ways.twin)
+        self._empty = np.zeros_like(self._pockets.empty(np.zeros(0, np.int64)))
+        self._level_of_part = np.zeros(len(self._empty), np.int32)
+        self._level_of_part[self._pockets.of[joins]] = ways.level_of[joins]
         for fill, taken_from in self._fills.values():
             self._pockets.of[fill] = self._pockets.of[taken_from]
-        self._empty = np.zeros_like(self._pockets.empty(np.zeros(0, np.int64)))
         self._resting: set[int] = set()  # levels all of whose nodes are left out
+        self._unseen = set(self._places)  # levels of which it is not known yet whether they rest
         self.is_local = False
         tell(PREPARING, 2, 3)
         self.march.solve()
@@ -292,15 +295,19 @@ class RouteField(Saved):
         self._empty = empty
         if not changed.any():
             return set()
-        nodes = np.flatnonzero(self.march.solved & changed[self._pockets.of])
-        out = empty[self._pockets.of[nodes]]
+        solved, part = self.march.solved, self._pockets.of
+        touched, self._unseen = self._unseen | set(self._level_of_part[changed].tolist()), set()
+        packed = {level: self._grids.levels[level].packed for level in sorted(touched)}
+        nodes = np.concatenate(
+            [own.start + np.flatnonzero(solved[own] & changed[part[own]]) for own in packed.values()]
+        )
+        out = empty[part[nodes]]
         waves.state[nodes], waves.time[nodes] = np.where(out, APART, FAR), math.inf
         waves.exit[nodes] = -1
         if not self.is_local:
             waves.former[nodes] = -1
-        packed = {level: self._grids.levels[level].packed for level in self._places}
-        marched = {level for level, own in packed.items() if (waves.state[own][self.march.solved[own]] != APART).any()}
-        self._resting = set(self._places) - marched
+        marched = {level for level, own in packed.items() if (waves.state[own][solved[own]] != APART).any()}
+        self._resting = (self._resting | touched) - marched
         return set(np.flatnonzero(np.bincount(waves.level_of[nodes[~out]])).tolist())
 
     def slow_down(self, density: FloatArray, levels: Set[int], floor: float, noticed: float = NOTICED) -> set[int]:
