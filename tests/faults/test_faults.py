@@ -1,5 +1,6 @@
 """The list of faults fits the code; ``python -m tests.faults`` tries them."""
 
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -20,3 +21,10 @@ def test_the_text_of_a_fault_occurs_once(name):
 def test_faults_are_spread_over_the_code():
     assert len(FAULTS) >= 40
     assert len({Path(fault.file).parent for fault in FAULTS.values()}) >= 12
+
+
+def test_mutants_that_change_nothing_are_each_of_a_file_and_have_a_reason():
+    with (CHECKOUT / "tests/faults/equivalent.toml").open("rb") as file:
+        entries = tomllib.load(file)["mutant"]
+    assert all(set(entry) == {"file", "old", "new", "reason"} for entry in entries)
+    assert all((CHECKOUT / entry["file"]).is_file() for entry in entries)
