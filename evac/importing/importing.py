@@ -154,33 +154,23 @@ def import_building(
         if ways:
             building.add(ways)
         written = building.written
-        findings += building.findings
-        known = {way.name for way in written.exits} if keeper == PLAN else set()
-        lost = [name for name in (f"exit {number}" for number in sorted(set(exits))) if keeper and name not in known]
-        if lost:
-            names = ", ".join(map(repr, lost))
-            findings.append(Finding("warning", f"{names}: not among the exits in {keeper}, which is kept; add them"))
-        if CASE in changed:
-            findings.append(Finding("assumed", f"{CASE} has been changed since it was written, and is kept"))
+        findings += [*building.findings, *_kept(exits, keeper, written, CASE in changed)]
         stated = building.people if density is None else {}
         rooms = fill(written, find_rooms(written), people, DENSITY if density is None else density, stated)
         if people is None and density is None and any(room.number and room.name not in stated for room in rooms):
             text = f"{DENSITY:g} people per square metre in rooms without a number or a known use (density, people)"
             findings.append(Finding("assumed", text))
-        least = least_spacing(written, 1)
-        if least_spacing(written, ROUTES) > SPACING:
-            least = least_spacing(written, 1 + len(find_classes(written, *WIDTHS)))
+        least = _least_spacing(written)
         if spacing is None and CASE not in changed and least > SPACING:
             spacing = math.ceil(100.0 * least) / 100.0
             text = f"directions have a spacing of {spacing:g} m: with {SPACING:g} m they need too much memory (spacing)"
             findings.append(Finding("assumed", text))
         findings = sorted(with_missing(written, findings), key=lambda one: KINDS.index(one.kind))
-        written = replace(written, source=place / building.name)
         missing = tuple(str(finding) for finding in findings if finding.kind == "missing")
         made = Imported(
             paths,
             place,
-            written,
+            replace(written, source=place / building.name),
             findings=tuple(findings),
             openings=tuple(openings),
             rooms=tuple(rooms),
@@ -196,19 +186,42 @@ def import_building(
             keys = {"mesh": building.name} | building.kept | ({"missing": list(missing)} if missing else {})
             text = case_text(made, [] if building.name == PLAN else ways, keys, building.lines, spacing, basis)
             (draft / CASE).write_text(text, encoding="utf-8", errors="replace")
-        _show("checking the case")
-        if not made.is_accepted:
-            made = replace(made, fault="the building is incomplete")
-        else:
-            fault = _fault(draft, made, registry, CASE in changed) if written.exits else "there is no exit"
-            made = replace(made, fault=fault)
-        produced = {building.name, *([CASE] if made.is_accepted else [])}
-        digests = {name: digest_of_file(draft / name)[:16] if name in produced else "none" for name in (CASE, PLAN)}
-        (draft / REPORT).write_text(report_text(made, digests | changed), encoding="utf-8", errors="replace")
-        _draw(made, draft, are_named=bool(building.openings))
-        if building.name == MESH and not made.is_accepted:
-            produced = set()
-        _publish(draft, place, {PICTURE, REPORT, *produced}, changed)
+        return _tried(building, made, registry, changed)
+
+
+def _kept(exits: Sequence[int], keeper: str, written: Building, is_case_kept: bool) -> Iterator[Finding]:
+    """Yield what is found about files that are kept: exits that a kept file does not have, and that a case is kept."""
+    known = {way.name for way in written.exits} if keeper == PLAN else set()
+    lost = [name for name in (f"exit {number}" for number in sorted(set(exits))) if keeper and name not in known]
+    if lost:
+        names = ", ".join(map(repr, lost))
+        yield Finding("warning", f"{names}: not among the exits in {keeper}, which is kept; add them")
+    if is_case_kept:
+        yield Finding("assumed", f"{CASE} has been changed since it was written, and is kept")
+
+
+def _least_spacing(building: Building) -> float:
+    """Return the least spacing [m] with which the grids of a building fit into memory, with classes of bodies."""
+    if least_spacing(building, ROUTES) > SPACING:
+        return least_spacing(building, 1 + len(find_classes(building, *WIDTHS)))
+    return least_spacing(building, 1)
+
+
+def _tried(building: "_Draft", made: Imported, registry: Registry, changed: dict[str, str]) -> Imported:
+    """Check the case in the draft, write report and picture, and publish what is accepted; return what was made."""
+    _show("checking the case")
+    draft = building.folder
+    fault = "the building is incomplete"
+    if made.is_accepted:
+        fault = _fault(draft, made, registry, CASE in changed) if made.building.exits else "there is no exit"
+    made = replace(made, fault=fault)
+    produced = {building.name, *([CASE] if made.is_accepted else [])}
+    digests = {name: digest_of_file(draft / name)[:16] if name in produced else "none" for name in (CASE, PLAN)}
+    (draft / REPORT).write_text(report_text(made, digests | changed), encoding="utf-8", errors="replace")
+    _draw(made, draft, are_named=bool(building.openings))
+    if building.name == MESH and not made.is_accepted:
+        produced = set()
+    _publish(draft, made.folder, {PICTURE, REPORT, *produced}, changed)
     return made
 
 
@@ -245,7 +258,7 @@ class _Draft:
     people: dict[str, float]  # people of rooms whose number the plan states, by area
 
     def __init__(self, folder: Path, own: SurfaceOptions, registry: Registry) -> None:
-        self._folder, self._registry = folder, registry
+        self.folder, self._registry = folder, registry
         # Keys of [building] of the case; the other options are applied to the file.
         keys = {"flat_angle", "walkable_angle", "treads", "weld"}
         self.kept = own.model_dump(include=keys, exclude_defaults=True)
@@ -260,7 +273,7 @@ class _Draft:
         (importer,), _, _ = _options([folder / PLAN], {}, self._registry)
         for file in (file.resolve() for file in importer.files(folder / PLAN)):
             if file.is_relative_to(folder.resolve()):
-                copy = self._folder / file.relative_to(folder.resolve())
+                copy = self.folder / file.relative_to(folder.resolve())
                 copy.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(file, copy)
 
@@ -289,13 +302,13 @@ class _Draft:
             except ValueError as error:
                 self._told.append(Finding("assumed", f"there is no plan to edit, since {error}"))
                 self.name = MESH
-                write_surface(tagged_surface(surface, building), self._folder / MESH)
+                write_surface(tagged_surface(surface, building), self.folder / MESH)
         if plan is not None:
             self._table, proposed = table_of(plan), [given for _, given in plan.proposals]
             # What an importer has seen and left out.
             self._comments = [f"# {line}\n" for line in plan_text({"stairs": proposed}).splitlines()]
             self._write_plan()
-        self._build(self._folder / self.name)
+        self._build(self.folder / self.name)
         for name, storey, ends in read.lines if isinstance(read, Plan) else ():
             line = shapely.LineString(ends)
             near = [level for level in self.written.levels if level.name.partition(" (")[0] == storey]
@@ -305,7 +318,7 @@ class _Draft:
     def add(self, exits: Sequence[Mapping[str, Any]]) -> None:
         """Add exits [name, segment, level] to what has been written."""
         if self.name == MESH:
-            self._build(self._folder / MESH, {"exits": exits})
+            self._build(self.folder / MESH, {"exits": exits})
         else:
             storeys = {one["name"] for one in self._table["storeys"]}
             for way in exits:
@@ -313,11 +326,11 @@ class _Draft:
                 more = {"name": way["name"], "storey": level, "segment": way["segment"]}
                 self._table["exits"] = [*self._table.get("exits", []), more]
             self._write_plan()
-            self._build(self._folder / PLAN)
+            self._build(self.folder / PLAN)
 
     def _write_plan(self) -> None:
         text = "".join([PLAN_HEAD, plan_text(self._table), *self._comments])
-        (self._folder / PLAN).write_text(text, encoding="utf-8", errors="replace")
+        (self.folder / PLAN).write_text(text, encoding="utf-8", errors="replace")
 
     def _build(self, file: Path, more: Mapping[str, Any] | None = None) -> None:
         """Read the building as a case does."""
