@@ -15,11 +15,10 @@ from evac.contract.hooks import hookimpl
 from evac.folder.files import REPLAY_NAME, TRAJECTORY_NAME
 from evac.results.results import Results, versions
 from evac.trajectory.recorder import Recorder
-from evac.trajectory.trajectory import IN_MEMORY, building_to_json
+from evac.trajectory.trajectory import IN_MEMORY, TrajectoryWriter, building_to_json
 
-if TYPE_CHECKING:  # evac.trajectory.writer imports Arrow, which a run without a trajectory does not need
+if TYPE_CHECKING:
     from evac.simulation.simulation import Simulation
-    from evac.trajectory.writer import TrajectoryWriter
 
 
 class TrajectoryRecorder(Recorder):
@@ -27,7 +26,7 @@ class TrajectoryRecorder(Recorder):
 
     name = "trajectory"
     saved = ("_recorded", "_changes")
-    _writer: "TrajectoryWriter | None" = None
+    _writer: TrajectoryWriter | None = None
     _recorded = -1.0  # time of the last frame [s]
     _changes = 0  # number of changes that have been written
 
@@ -82,8 +81,6 @@ class TrajectoryRecorder(Recorder):
         """Write a new file, or continue one after so many bytes."""
         memory = None if simulation.folder is not None else simulation.recording.memory
         if (simulation.folder is not None or memory is not None) and simulation.case.output.trajectory:
-            from evac.trajectory.writer import TrajectoryWriter
-
             corners = simulation.scene.shared_scene.building.vertices[:, :2]
             origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
             path = (simulation.folder or IN_MEMORY) / TRAJECTORY_NAME

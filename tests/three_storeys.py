@@ -13,8 +13,7 @@ from evac.directions.routes import Route
 from evac.folder.files import TRAJECTORY_NAME
 from evac.physics.state import Crowd
 from evac.results.results import results_of
-from evac.trajectory.trajectory import building_to_json, read_trajectory
-from evac.trajectory.writer import TrajectoryWriter
+from evac.trajectory.trajectory import TrajectoryWriter, building_to_json, read_trajectory
 
 
 def rectangle(x1, x2, y1, y2, z_at_x1, z_at_x2):

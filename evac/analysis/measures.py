@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray, pairs_of
 from evac.base.phases import told
-from evac.building.model.elevation import gradients, in_space
+from evac.building.model.building import gradients, in_space
 from evac.conditions.law import WAITING_SPEED
 from evac.trajectory.trajectory import Rows, Trajectory
 

@@ -192,7 +192,7 @@ def check_result(path: Path) -> int:
 
 
 def _check_digest(folder: Path, name: str, digest: str) -> str:
-    from evac.folder.digests import digest_of_file
+    from evac.folder.files import digest_of_file
 
     what = next((command for start, command in WRITTEN_AGAIN.items() if name.startswith(start)), "")
     remedy = f"evac {what} {folder} writes it again" if what else "run the case again"
@@ -220,7 +220,7 @@ def _check_trajectory(path: Path, is_complete: bool) -> str:
 
 def _check_checkpoint(path: Path) -> str:
     """Verify a checkpoint, and what the files of its folder contained when it was written."""
-    from evac.folder.digests import RunningDigest
+    from evac.folder.files import RunningDigest
     from evac.simulation.checkpoints import checkpoint_at
 
     checkpoint = checkpoint_at(path)
@@ -441,8 +441,7 @@ def execute_explain(arguments: argparse.Namespace) -> int:
 
     with Display(has_lines=False) as display:
         simulation = Simulation(case, will_run=False, compiling=display.compiling)
-    rows = [part.as_row() for part in simulation.plan]
-    show_table(case.title or str(case.source), ("part", "in or out", "why"), rows)
+    show_table(case.title or str(case.source), ("part", "in or out", "why"), simulation.plan)
     show_facts({"response times": response_times(simulation.population.crowd)})
     return 0
 

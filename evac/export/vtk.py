@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from evac.base.errors import ResultError
 from evac.base.phases import told
-from evac.building.model.building import Building
-from evac.building.model.elevation import on_level, triangles_on
+from evac.building.model.building import Building, on_level, triangles_on
 from evac.export.exporter import file_stems
 from evac.folder import files
 from evac.trajectory.trajectory import Frame, Trajectory

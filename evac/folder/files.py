@@ -1,10 +1,15 @@
-"""The files of a result folder: their names, the manifest, and writing of each as a whole.
+"""The files of a result folder: their names, the manifest, writing of each as a whole, and digests of files and data.
 
 The manifest is the mark by which a folder and its files are evac's own. The first line names the format,
 ``{"evac": "manifest", "schema": 1, "version": VERSION}``; a file without it is not a manifest, whatever its name. Each
 other line is a table in JSON: ``{"file": NAME}`` for a file that is written, relative to the folder,
 ``{"file": NAME, "sha256": DIGEST}`` when it is complete, or ``{"is": STATE, "of": RESULT}``. Only listed files are ever
 replaced or removed. Lines are only added, so that a kill leaves a manifest that can be read.
+
+A record of an Arrow stream is a message in its encapsulated form: four bytes FF, the length of the metadata, the
+metadata, and the body. `sealed` appends a seal to the metadata, where readers of Arrow expect padding: the length of
+the record, and a digest of the record and its place in the stream. Without it, a changed byte could be read as another
+number, or crash Arrow.
 """
 
 import errno
@@ -13,14 +18,15 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from mmap import mmap
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, BinaryIO
 
-from evac.base.errors import ResultError, check_regular
+from evac.base.errors import EvacError, ResultError, check_regular
 
 TRAJECTORY_NAME = "trajectory.evac"
 
@@ -55,7 +61,7 @@ REPORT_NAME = "report.html"  #: The report of `evac report`.
 
 #: Name of the manifest, what its first line says, and the beginning of the names of files that are being written.
 MANIFEST_NAME = "manifest.jsonl"
-MARK = {"evac": "manifest", "schema": 1}
+FIRST = {"evac": "manifest", "schema": 1}
 TEMPORARY = ".evac-"
 
 RUNNING, COMPLETE = "running", "complete"  #: States of a folder: a run writes to it, or it is complete.
@@ -166,7 +172,7 @@ def read_manifest(folder: Path) -> Manifest:
     first, *lines = _text(folder).splitlines() or [""]
     files: dict[str, str] = {}
     state = result = ""
-    if not _table(first).items() >= MARK.items():
+    if not _table(first).items() >= FIRST.items():
         return Manifest()
     for table in map(_table, lines):
         if isinstance(name := table.get("file"), str):
@@ -179,7 +185,7 @@ def read_manifest(folder: Path) -> Manifest:
 def mark(folder: Path, state: str, result: str) -> None:
     """Add the state of a folder to its manifest, which is created if missing."""
     if not (is_there := bool(_text(folder, 1))) or _is_own(folder):
-        first = [] if is_there else [{**MARK, "version": version("evac")}]
+        first = [] if is_there else [{**FIRST, "version": version("evac")}]
         _add(folder, [*first, {"is": state, "of": result}], os.O_CREAT)
     else:
         raise ResultError(f"{folder / MANIFEST_NAME}: is not a manifest of evac, which needs this name; move it away")
@@ -216,7 +222,7 @@ def _folder_of(path: Path) -> Path | None:
 
 
 def _is_own(folder: Path) -> bool:
-    return _table(_text(folder, 200).partition("\n")[0]).items() >= MARK.items()
+    return _table(_text(folder, 200).partition("\n")[0]).items() >= FIRST.items()
 
 
 def _text(folder: Path, length: int = -1) -> str:
@@ -249,3 +255,97 @@ def _add(folder: Path, tables: list[dict[str, Any]], flags: int) -> None:
         os.write(descriptor, text.encode())
     finally:
         os.close(descriptor)
+
+
+CHUNK = 1 << 20  #: Bytes that are read at once.
+
+
+def digest_of_file(path: Path) -> str:
+    """Return the SHA-256 of a file as hexadecimal text."""
+    try:
+        check_regular(path)
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise EvacError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+
+
+def digest_of_data(content: Any) -> str:
+    """Return the SHA-256 of plain data, whatever the order of the keys, as hexadecimal text."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def differences(before: Any, now: Any, *key: str) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
+    """Yield the keys, and the two values, of everything in which plain data differ; None stands for a missing value."""
+    if isinstance(before, Mapping) and isinstance(now, Mapping):
+        for name in dict.fromkeys([*before, *now]):
+            yield from differences(before.get(name), now.get(name), *key, name)
+    elif isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
+        for index, values in enumerate(zip(before, now, strict=True)):
+            yield from differences(*values, *key, str(index))
+    elif before != now:
+        yield key, before, now
+
+
+class RunningDigest:
+    """The SHA-256 of the beginning of a file that grows; bytes that were read before are not read again."""
+
+    def __init__(self) -> None:
+        self._hash = hashlib.sha256()
+        self.length = 0  # number of bytes so far
+
+    def extend(self, path: Path, length: int) -> str:
+        """Return the digest of the first `length` bytes of a file as hexadecimal text."""
+        if length < self.length:  # written anew
+            self._hash, self.length = hashlib.sha256(), 0
+        with writing("its digest", path):
+            descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0))
+            with open(descriptor, "rb") as file:
+                file.seek(self.length)
+                while self.length < length:
+                    data = file.read(min(CHUNK, length - self.length))
+                    if not data:
+                        raise ResultError(f"{path}: has {self.length} bytes, not {length}; run the case again")
+                    self._hash.update(data)
+                    self.length += len(data)
+        return self._hash.hexdigest()
+
+
+#: Four bytes with which a record begins, and the size of these and the length of the metadata.
+MARK = b"\xff\xff\xff\xff"
+PREFIX = 8
+
+#: Sizes of the length and the digest in a seal; their sum is a multiple of 8, to which Arrow aligns bodies.
+LENGTH, DIGEST = 8, 16
+SEAL = LENGTH + DIGEST
+
+
+def sealed(message: bytes, place: int) -> bytes:
+    """Return an encapsulated Arrow message as a record that begins at a place in the stream [bytes]."""
+    end = PREFIX + int.from_bytes(message[4:PREFIX], "little")
+    length = len(message) + SEAL
+    head = MARK + (end - PREFIX + SEAL).to_bytes(4, "little") + message[PREFIX:end] + length.to_bytes(LENGTH, "little")
+    body = message[end:]
+    return head + _digest(head, body, place) + body
+
+
+def read_sealed(file: BinaryIO | mmap, place: int, end: int) -> bytes | None:
+    """Return the record that begins at a place in a stream of `end` bytes; None if it is incomplete or damaged."""
+    file.seek(place)
+    prefix = file.read(PREFIX)
+    size = int.from_bytes(prefix[4:], "little")
+    if len(prefix) < PREFIX or prefix[:4] != MARK or not SEAL <= size <= end - place - PREFIX:
+        return None
+    metadata = file.read(size)
+    head, seal = prefix + metadata[:-DIGEST], metadata[-DIGEST:]
+    length = int.from_bytes(head[-LENGTH:], "little")
+    if not PREFIX + size <= length <= end - place:
+        return None
+    body = file.read(length - PREFIX - size)
+    return head + seal + body if seal == _digest(head, body, place) else None
+
+
+def _digest(head: bytes, body: bytes, place: int) -> bytes:
+    digest = hashlib.blake2b(head, digest_size=DIGEST, salt=place.to_bytes(16, "little"))
+    digest.update(body)
+    return digest.digest()

@@ -29,8 +29,7 @@ from evac.building.surface.surfacemesh import SurfaceMesh, checked
 from evac.contract.hooks import BASES
 from evac.contract.registry import Registry
 from evac.directions.build import find_classes, least_spacing
-from evac.folder.digests import digest_of_file
-from evac.folder.files import RUNNING, mark, read_manifest
+from evac.folder.files import RUNNING, digest_of_file, mark, read_manifest
 from evac.folder.resultfolder import is_empty, locked
 from evac.importing.documents import MOST_OPENINGS, PLAN_HEAD, case_text, report_text
 from evac.importing.rooms import Opening, Room, fill, find_openings, find_rooms, with_missing

@@ -49,5 +49,5 @@ MEASURES = {
     "greatest_speed",
 }
 
-#: Time [s] and place of the largest overlap, reported by `Engine.contact_report`.
+#: Time [s] and place of the largest overlap, reported by `CompiledEngine.contact_report`.
 DEEPEST = ("deepest_time", "deepest_person", "deepest_level", "deepest_x", "deepest_y")

@@ -20,8 +20,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
 from evac.base.phases import told
-from evac.building.model.building import Building, Level
-from evac.building.model.elevation import level_elevation
+from evac.building.model.building import Building, Level, level_elevation
 from evac.building.model.findings import PART, Finding, and_more, listed
 from evac.pictures import palette
 from evac.pictures.floorplan import HEIGHT, WIDTH, beside, draw_plans, outline_of

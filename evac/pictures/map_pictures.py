@@ -26,8 +26,8 @@ from evac.building.model.building import Building
 from evac.folder.files import map_name, writing
 from evac.pictures import palette
 from evac.pictures.floorplan import HEIGHT, WIDTH, Plans, draw_levels, draw_plans, outline_of
-from evac.pictures.scales import MAPS as SCALES
-from evac.pictures.scales import SERVICES, Scale, high_value, round_up
+from evac.pictures.palette import MAPS as SCALES
+from evac.pictures.palette import SERVICES, Scale, high_value, round_up
 from evac.pictures.writing import save
 from evac.results.reading import recorded_flows
 from evac.trajectory.trajectory import Trajectory

@@ -14,11 +14,9 @@ from PIL import Image, ImageDraw
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
 from evac.base.phases import told
-from evac.building.model.building import Building
-from evac.building.model.elevation import on_level
+from evac.building.model.building import Building, on_level
 from evac.folder.files import replacing
-from evac.pictures.palette import CAR, DEPTH, LEVELS, SMOKE, rgb
-from evac.pictures.scales import colouring
+from evac.pictures.palette import CAR, DEPTH, LEVELS, SMOKE, colouring, rgb
 from evac.pictures.view import Camera, View
 from evac.pictures.writing import Pen, font, legible, save_names
 from evac.trajectory.trajectory import Trajectory

@@ -19,7 +19,7 @@ from PIL import Image, ImageDraw, ImageFont
 from evac.base.arrays import FloatArray
 from evac.folder.files import replacing
 from evac.pictures import palette
-from evac.pictures.scales import Scale
+from evac.pictures.palette import Scale
 
 WHITE = (255, 255, 255)
 

@@ -18,10 +18,9 @@ from evac.building.model.building import Building
 from evac.pictures.pictures import designs_figure
 from evac.report import figures
 from evac.report.pages import KINDS, Cell, fixed, rendered
-from evac.results.answer import MOST, time_of_share
 from evac.results.reading import read_results
 from evac.results.results import Results
-from evac.results.verdict import Verdict
+from evac.results.verdict import MOST, Verdict, time_of_share
 from evac.study.maps import SPACING
 from evac.study.outputs import out_over_runs
 from evac.study.statistics import Estimate, difference

@@ -24,15 +24,14 @@ from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
 from evac.pictures.floorplan import draw_plans
 from evac.pictures.map_pictures import FLOW_LABELS, draw_cut, draw_difference, draw_grids, draw_maps
+from evac.pictures.palette import MAPS as SCALES
+from evac.pictures.palette import Scale
 from evac.pictures.pictures import egress_figure, runs_figure
 from evac.pictures.render import Renderer
-from evac.pictures.scales import MAPS as SCALES
-from evac.pictures.scales import Scale
 from evac.pictures.view import Camera
 from evac.pictures.writing import legible_figure, listed
-from evac.results.answer import time_of_share
 from evac.results.results import Results
-from evac.results.verdict import LeastMargin
+from evac.results.verdict import LeastMargin, time_of_share
 from evac.study.maps import LIMITS, MARGIN, MapsOverRuns
 from evac.trajectory.trajectory import Trajectory
 

@@ -18,8 +18,7 @@ from markupsafe import Markup
 
 from evac.base.distributions import as_text
 from evac.base.errors import counted
-from evac.folder.digests import digest_of_file
-from evac.folder.files import replacing, writing
+from evac.folder.files import digest_of_file, replacing, writing
 from evac.report.figures import Picture
 from evac.results.recordedcase import ReportTable
 from evac.results.tables import TABLES, Rows

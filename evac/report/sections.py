@@ -23,13 +23,12 @@ from evac.building.model.building import Area, Building
 from evac.building.model.links import states_of
 from evac.contract.hooks import BASES, DEFAULT_MOVEMENT
 from evac.people.starts import load_table
-from evac.pictures.scales import colouring
+from evac.pictures.palette import colouring
 from evac.report import figures
 from evac.report.pages import APPENDIX, KINDS, Cell, Section, fixed, section
-from evac.results.answer import movement_of
 from evac.results.recordedcase import BuildingTable, CaseTable, GroupTable
 from evac.results.results import Results
-from evac.results.verdict import BY, judged, least_margins
+from evac.results.verdict import BY, judged, least_margins, movement_of
 
 
 def building_section(run: Results) -> Section:
@@ -316,7 +315,7 @@ class Places:
     density: float = DENSITY  # above which a place is congested [1/m2], see `evac.analysis.congestion.find_congestion`
     least_time: float | None = None  # for how long it has to be exceeded [s]; None: a tenth of the evacuation time
     maps: Sequence[str] = MAPS  # names of `evac.analysis.maps.QUANTITIES`, in order
-    service: str = ""  # levels of service as colours of densities, see `evac.pictures.scales.SERVICES`
+    service: str = ""  # levels of service as colours of densities, see `evac.pictures.palette.SERVICES`
 
 
 USUAL = Places()

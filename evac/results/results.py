@@ -59,8 +59,8 @@ if TYPE_CHECKING:
     from evac.analysis.congestion import Exceedance
     from evac.analysis.maps import LevelMaps
     from evac.case.case import Case
-    from evac.results.answer import Answer
     from evac.results.tables import Rows
+    from evac.results.verdict import Answer
 
 #: Packages whose version can affect results.
 NUMERICAL_PACKAGES = ("evac", "numpy", "scipy", "numba", "shapely", "scikit-fmm")
@@ -490,7 +490,7 @@ class Results:
     @cached_property
     def answer(self) -> "Answer":
         """The answer of the run in a few lines: who is out, when, by which exits, the longest queue, and warnings."""
-        from evac.results.answer import answer_of
+        from evac.results.verdict import answer_of
 
         return answer_of(self)
 

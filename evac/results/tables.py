@@ -12,7 +12,7 @@ from evac.analysis.lines import ExitUse, FlowUse, Occupancy
 from evac.base.arrays import FloatArray
 from evac.base.change import LIFT
 from evac.base.errors import in_order
-from evac.results.answer import time_of_share
+from evac.results.verdict import time_of_share
 
 if TYPE_CHECKING:
     from evac.results.results import Results

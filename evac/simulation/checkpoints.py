@@ -23,8 +23,7 @@ from evac.base.saved import Saved, SavedError, part_of, taken
 from evac.case.case import Case
 from evac.case.loading import case_from, named_files, run_plugin_files
 from evac.contract.registry import Registry
-from evac.folder.digests import differences, digest_of_data, digest_of_file
-from evac.folder.files import CHECKPOINT_NAME, content_of, replacing
+from evac.folder.files import CHECKPOINT_NAME, content_of, differences, digest_of_data, digest_of_file, replacing
 from evac.folder.resultfolder import ResultFolder, find_result, is_link, is_within
 from evac.folder.textfiles import checked, plain
 from evac.jit.kernels import INTERPRETED
@@ -364,7 +363,7 @@ def made_of(simulation: Simulation) -> dict[str, dict[str, str]]:
 def kernels_of(simulation: Simulation) -> dict[str, str]:
     """Return digests of the kernels that a run uses or may need later, by name."""
     behaviours = [behaviour for behaviour, _ in simulation.behaviours]
-    parts = type(simulation.engine), simulation.building, simulation.contact, simulation.forces, behaviours
+    parts = simulation.building, simulation.contact, simulation.forces, behaviours
     entries = [*needed.SET_UP, *needed.run_kernels(simulation.case, *parts, full=True)]
     digests = {entry.label: digest_of(entry, f"{host()}") for entry in entries}
     return digests | {"interpreted": str(INTERPRETED)}

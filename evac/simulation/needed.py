@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import ScenarioError, counted, plugin_code
 from evac.base.parameters import did_you_mean
@@ -21,30 +21,19 @@ from evac.people.outside import walk_straight
 from evac.people.placement import add_discs
 from evac.people.places import routes_to_places
 from evac.people.ways import walk_all
+from evac.physics.engine import CompiledEngine
 from evac.physics.force import Force
 from evac.physics.world import walls_behind_exits
 from evac.results.ending import add_speeds, count_near
+from evac.results.results import PlanRow
 
 if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.physics.contact.model import ContactModel
-    from evac.physics.engine import Engine
     from evac.simulation.simulation import Simulation
 
 #: The kernels that the directions and people of a scene need.
 SET_UP = (descend, sample_travel_times, add_discs, walk_all, is_legal)
-
-
-class Part(NamedTuple):
-    """An optional part of the framework, and whether the scene needs it."""
-
-    name: str
-    is_in: bool
-    why: str
-
-    def as_row(self) -> tuple[str, str, str]:
-        """Return name, in or out, why."""
-        return self.name, "in" if self.is_in else "out", self.why
 
 
 def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> tuple[Route, ...]:
@@ -135,7 +124,6 @@ def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
 
 def run_kernels(
     case: "Case",
-    engine: "type[Engine]",
     building: Building,
     model: "ContactModel",
     forces: Sequence[Force],
@@ -143,7 +131,7 @@ def run_kernels(
     full: bool,
 ) -> list[Entry]:
     """Return the kernels of engine, behaviours and routes that are known to be needed at the start of a run."""
-    kernels = [*engine.kernels(model, forces, case.registry.solvers, walls_behind_exits(building), full)]
+    kernels = [*CompiledEngine.kernels(model, forces, case.registry.solvers, walls_behind_exits(building), full)]
     kernels += [add_speeds, count_near]
     for behaviour in behaviours:
         kernels += entries_of(sys.modules[type(behaviour).__module__])
@@ -159,42 +147,46 @@ def run_kernels(
     return kernels
 
 
-def explain(simulation: "Simulation", forces: Sequence[Force], behaviours: Sequence[Behaviour]) -> list[Part]:
+def explain(simulation: "Simulation", forces: Sequence[Force], behaviours: Sequence[Behaviour]) -> list[PlanRow]:
     """Return every optional part of a simulation, whether it is used, and why, with what its case names."""
     case, building, model = simulation.case, simulation.building, simulation.contact
     effects, acts = simulation.engine.explain_forces(), simulation.deciding.acts
     keepers = [behaviour.name for behaviour, _ in simulation.behaviours if behaviour.keeps_distance]
     portals, flights = len(building.portals), sum(level.kind == "flight" for level in building.levels)
     parts = [
-        Part("portals", portals > 0, f"{counted(portals, 'portal')}, {counted(len(building.levels), 'level')}"),
-        Part("stair speeds", flights > 0, f"{flights} sloped levels"),
+        _part("portals", portals > 0, f"{counted(portals, 'portal')}, {counted(len(building.levels), 'level')}"),
+        _part("stair speeds", flights > 0, f"{flights} sloped levels"),
     ]
     for strategy in STRATEGIES:
         ways = ", ".join(f"to {route.destination}" for route in simulation.fields.routes if route.strategy == strategy)
         why = f"people can go {ways}" if ways else "nobody can take such a route"
-        parts.append(Part(f"fields: {strategy}", bool(ways), why))
+        parts.append(_part(f"fields: {strategy}", bool(ways), why))
     for force in forces:
         effect = effects.get(force.name)
-        parts.append(Part(f"force: {force.name}", effect is not None, effect or "it is zero everywhere"))
+        parts.append(_part(f"force: {force.name}", effect is not None, effect or "it is zero everywhere"))
     if not forces:
-        parts.append(Part("forces at a distance", False, "none named in [forces]"))
+        parts.append(_part("forces at a distance", False, "none named in [forces]"))
     when = {None: "it affects nobody", True: "at every tick", False: "once, before the first step"}
     for behaviour in behaviours:
         at_ticks = acts.get(behaviour.name)
-        parts.append(Part(f"behaviour: {behaviour.name}", at_ticks is not None, when[at_ticks]))
+        parts.append(_part(f"behaviour: {behaviour.name}", at_ticks is not None, when[at_ticks]))
     if not behaviours:
-        parts.append(Part("behaviours", False, "none named in [behaviours]"))
+        parts.append(_part("behaviours", False, "none named in [behaviours]"))
     ways = f"{', '.join(keepers)}: from 1 person per m2 on" if simulation.scene.local else "nobody keeps distances"
-    parts.append(Part("ways round the crowd", simulation.scene.local is not None, ways))
+    parts.append(_part("ways round the crowd", simulation.scene.local is not None, ways))
     seen_by = f"seen by {', '.join(keepers)}" if keepers else "no behaviour keeps distances"
-    parts.append(Part("people outside", bool(keepers), seen_by))
+    parts.append(_part("people outside", bool(keepers), seen_by))
     with plugin_code(f"contact model {model.name!r}: parts", model):
-        parts.extend(Part(*row) for row in model.parts())
-    parts.extend(Part(*row) for row in simulation.engine.explain(model))
-    parts.append(Part("contact solves", True, "only in steps with contacts in reach"))
+        parts.extend(_part(*row) for row in model.parts())
+    parts.extend(_part(*row) for row in simulation.engine.explain(model))
+    parts.append(_part("contact solves", True, "only in steps with contacts in reach"))
     for name in ("tables", "picture", "replay", "trajectory", "animation"):
         is_wanted = getattr(case.output, name)
-        parts.append(Part(name, is_wanted, f"output.{name} = {str(is_wanted).lower()}"))
+        parts.append(_part(name, is_wanted, f"output.{name} = {str(is_wanted).lower()}"))
         if name == "replay" and is_wanted and not case.output.trajectory:
-            parts[-1] = Part(name, False, "output.trajectory = false")
+            parts[-1] = _part(name, False, "output.trajectory = false")
     return parts
+
+
+def _part(name: str, is_in: bool, why: str) -> PlanRow:
+    return PlanRow(name, "in" if is_in else "out", why)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from evac.case.case import Case
-from evac.folder.digests import digest_of_file
+from evac.folder.files import digest_of_file
 from evac.simulation import needed
 from evac.simulation.assembly import files_of_building, make_behaviours, make_importers, make_shared_scene
 from evac.simulation.scene import SharedScene

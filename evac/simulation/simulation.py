@@ -92,7 +92,7 @@ class Simulation(Saved):
         When compartments become unsafe and are left, and the margins of people, if the case has a table [safety].
     outside : PeopleOutside or None
         The people who have left, if a behaviour keeps distances.
-    plan : list of Part
+    plan : list of PlanRow
         The parts that the scene needs and those that are left out, see `evac.simulation.needed.explain`.
     step, time : int, float
         Number of steps made, and simulated time [s].
@@ -159,12 +159,14 @@ class Simulation(Saved):
         self.recording = Recording(assembly.make_recorders(case), self.folder, self._in_memory)
         forces, behaviours = assembly.make_forces(case), assembly.make_behaviours(case)
         self.forces = needed.needed_forces(forces, self.full)
+        importers = assembly.make_importers(case)
         with self.phases.enter("building"):
+            self._building_files = assembly.files_of_building(case, importers)
             building = shared_scene.building if shared_scene else assembly.make_building(case)
             check_people(case, building)
             self.case = case = with_numbers(case, building)
         with self.phases.enter("kernels"):
-            used = assembly.ENGINE, building, self.contact, self.forces, behaviours
+            used = building, self.contact, self.forces, behaviours
             kernels = needed.run_kernels(case, *used, self.full) if will_run else []
             addresses_of([*needed.SET_UP, *kernels], compiling)
         solve = partial(
@@ -199,6 +201,8 @@ class Simulation(Saved):
         self.deciding.prepare()
         self.loop = Loop(self)
         self.plan = needed.explain(self, forces, behaviours)
+        plugins = [*importers, self.contact, *self.forces, *self.recorders, *(one for one, _ in self.behaviours)]
+        self._providers = self.registry.providers(plugins)
         self.registry.call_all("evac_prepare", simulation=self)
         self.findings = self._found_at_start()
         self.population.protect(INITIAL)
@@ -395,8 +399,8 @@ class Simulation(Saved):
             report=self.engine.contact_report(self.contact) | {"promised_overlap": self.watch.promised},
             seen=self.watch.observations(),
             phases=self.phases.seconds(),
-            plan=[part.as_row() for part in self.plan],
-            plugins=self._plugins(),
+            plan=self.plan,
+            plugins=self._providers,
             files=self._files(),
             folder=self.folder,
             recorded=self.recording.in_memory(),
@@ -431,8 +435,7 @@ class Simulation(Saved):
 
     def _files(self) -> tuple[str, ...]:
         """Return all files that the run has read, besides its case."""
-        building = assembly.files_of_building(self.case, assembly.make_importers(self.case))
-        files = [*self.case.plugin_files, *building, *self.data_files()]
+        files = [*self.case.plugin_files, *self._building_files, *self.data_files()]
         return tuple(dict.fromkeys(str(path.resolve()) for path in files))
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -469,8 +472,3 @@ class Simulation(Saved):
         with plugin_code(what, contact), part_of(state, f"contact.{contact.name}.") as own:
             contact.restore(own)
         self.ended = self.ending.over(self.step, self.population.crowd, self.can_grow)
-
-    def _plugins(self) -> list[str]:
-        """Return name and version of each plugin used in this run."""
-        used = [*assembly.make_importers(self.case), self.contact, *self.forces, *self.recorders]
-        return self.registry.providers([*used, *(behaviour for behaviour, _ in self.behaviours)])

@@ -26,7 +26,7 @@ from evac.base.errors import ResultError, in_one_line, naming, text_of, usable_p
 from evac.building.model.building import Building
 from evac.case.case import Case
 from evac.folder import files
-from evac.folder.digests import differences, digest_of_data, digest_of_file, read_sealed, sealed
+from evac.folder.files import differences, digest_of_data, digest_of_file, read_sealed, sealed
 from evac.folder.textfiles import plain, read_json, write_json
 from evac.results.ending import FAILED
 from evac.results.results import versions

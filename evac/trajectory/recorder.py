@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from evac.base.errors import EvacError, ResultError, plugin_code
 from evac.base.parameters import Configurable
 from evac.base.saved import Saved, part_of, state_of
-from evac.folder.digests import RunningDigest
-from evac.folder.files import MANIFEST_NAME, note_written, read_manifest, sync, writing
+from evac.folder.files import MANIFEST_NAME, RunningDigest, note_written, read_manifest, sync, writing
 from evac.trajectory.trajectory import Recorded
 
 if TYPE_CHECKING:

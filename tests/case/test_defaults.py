@@ -125,7 +125,7 @@ def everything(case):
     plugins = [make_contact_model(case), *make_forces(case), *make_behaviours(case), *make_recorders(case)]
     settings = {
         "case": case.to_dict(),
-        "plan": [part.as_row() for part in simulation.plan],
+        "plan": list(map(tuple, simulation.plan)),
         "plugins": [(one.name, repr(one.values())) for one in plugins],
         "speeds": reference_speeds(case),
         "clearance": default_clearance(case),

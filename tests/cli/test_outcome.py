@@ -9,7 +9,7 @@ import pytest
 from evac.cli.main import main
 from evac.cli.run import show_answer
 from evac.cli.screen import show_table
-from evac.results.answer import Answer
+from evac.results.verdict import Answer
 
 
 class Terminal(io.StringIO):

@@ -228,7 +228,7 @@ def test_what_a_solver_in_python_raises_is_told_with_its_place(plugin_files, tmp
     changes = {"contact.model": "nsm1", "contact.nsm1.solver": "plain"}
     case = evac.load("square_room", changes, plugin_files=[tmp_path / "failing.py"])
     simulation = evac.Simulation(case)
-    assert any(part.name == "solver plain" and "in Python" in part.why for part in simulation.plan)
+    assert any(row.part == "solver plain" and "in Python" in row.why for row in simulation.plan)
     with pytest.raises(evac.PluginError, match=r"solver 'plain': AttributeError.*failing.py, line 15"):
         simulation.run()
 

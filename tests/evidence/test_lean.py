@@ -26,5 +26,5 @@ def test_each_part_is_out_until_it_is_forced_in(part):
     case = load_case("square_room", dict(part.overrides))
     label = part.name.partition(",")[0]
     lean_run, full_run = Simulation(case), Simulation(case, full=True)
-    assert next(entry.is_in for entry in lean_run.plan if entry.name == label) is False
+    assert next(row.state for row in lean_run.plan if row.part == label) == "out"
     assert len(full_run.forces) + len(full_run.behaviours) == 1 + len(lean_run.forces) + len(lean_run.behaviours)

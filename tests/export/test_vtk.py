@@ -5,8 +5,7 @@ import pyvista
 from evac.base.errors import ResultError
 from evac.building.model.links import close_links
 from evac.export.vtk import KINDS, PolyData, building_blocks, export_vtk, vtp_bytes
-from evac.trajectory.trajectory import building_to_json, read_trajectory
-from evac.trajectory.writer import TrajectoryWriter
+from evac.trajectory.trajectory import TrajectoryWriter, building_to_json, read_trajectory
 
 
 @pytest.fixture

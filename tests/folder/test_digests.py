@@ -9,7 +9,7 @@ import pyarrow.ipc
 import pytest
 
 from evac.base.errors import EvacError
-from evac.folder.digests import RunningDigest, differences, digest_of_data, digest_of_file, read_sealed, sealed
+from evac.folder.files import RunningDigest, differences, digest_of_data, digest_of_file, read_sealed, sealed
 
 
 def test_differences_have_their_keys_and_both_values():

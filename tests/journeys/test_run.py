@@ -13,8 +13,7 @@ import evac
 from evac.cli.main import main
 from evac.cli.run import show_answer, show_results
 from evac.export.vtk import KINDS
-from evac.pictures.palette import NOTHING, rgb
-from evac.pictures.scales import PEOPLE, colouring
+from evac.pictures.palette import NOTHING, PEOPLE, colouring, rgb
 from evac.report.of_run import run_report
 from evac.report.sections import Places
 from evac.results.ending import Stopped

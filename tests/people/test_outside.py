@@ -182,6 +182,6 @@ def test_without_behaviours_that_keep_distances_nobody_is_kept():
     simulation = simulation_of(hall(1, 0.0, behaviours={}))
     assert simulation.outside is None
     assert not any(key.startswith("outside.") for key in simulation.state())
-    assert [part.is_in for part in simulation.plan if part.name == "people outside"] == [False]
+    assert [row.state for row in simulation.plan if row.part == "people outside"] == ["out"]
     kept = simulation_of(hall(1, 0.0))
-    assert [part.is_in for part in kept.plan if part.name == "people outside"] == [True]
+    assert [row.state for row in kept.plan if row.part == "people outside"] == ["in"]

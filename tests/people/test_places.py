@@ -7,7 +7,7 @@ import evac
 from evac.base.errors import ScenarioError
 from evac.people.places import routes_to_places
 from evac.report.of_run import main_results
-from evac.results.answer import answer_of
+from evac.results.verdict import answer_of
 from evac.simulation.shared import simulation_of
 
 

@@ -12,12 +12,11 @@ from evac.base.errors import ResultError
 from evac.building.model.building import Place
 from evac.building.model.links import close_links
 from evac.pictures import palette
+from evac.pictures.palette import COLOURINGS, colouring
 from evac.pictures.render import HIDDEN, Renderer, draw_people, render_animation, render_picture
-from evac.pictures.scales import COLOURINGS, colouring
 from evac.pictures.scene import MARGIN, view_of
 from evac.pictures.view import Camera, aim
-from evac.trajectory.trajectory import building_to_json, read_trajectory
-from evac.trajectory.writer import TrajectoryWriter
+from evac.trajectory.trajectory import TrajectoryWriter, building_to_json, read_trajectory
 from tests.three_storeys import crowd_at
 
 SIZE = (320, 240)
@@ -65,7 +64,7 @@ def test_a_quantity_colours_the_people(trajectory, name):
     frame = trajectory[2]
     shares = {"speed": frame["speed"] / 2.0, "contact_force": np.log10(np.maximum(frame["contact_force"], 10) / 10) / 3}
     if name in shares:
-        colours = np.round(255 * palette.scale(found.scale.colours))
+        colours = np.round(255 * palette.ramp_of(found.scale.colours))
         expected = colours[np.clip(255 * shares[name] + 1e-9, 0, 255).astype(int)]
         if name == "contact_force":
             expected[frame["contact_force"] < 10] = palette.rgb([palette.NOTHING])[0]
@@ -77,7 +76,7 @@ def test_waiting_counts_the_time_at_which_people_stood(written):
     trajectory = written(np.stack([stands, walks], axis=1), interval=2.0)
     waiting = colouring(trajectory, "waiting")
     assert waiting.top == 8.0
-    scale = np.round(255 * palette.scale("waiting time"))
+    scale = np.round(255 * palette.ramp_of("waiting time"))
     for k in range(5):
         neutral = palette.rgb([palette.NOTHING])[0]
         expected = [scale[int(255 * 2.0 * k / 8.0)] if k else neutral, neutral]

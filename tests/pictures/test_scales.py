@@ -6,14 +6,14 @@ import pytest
 from evac.analysis.maps import QUANTITIES
 from evac.base.errors import ResultError
 from evac.pictures import palette
-from evac.pictures.scales import MAPS, PEOPLE, SERVICES, high_value, round_up
+from evac.pictures.palette import MAPS, PEOPLE, SERVICES, high_value, round_up
 
 
 def test_every_quantity_has_a_scale_with_colours_of_the_palette():
     assert set(MAPS) == set(QUANTITIES)
     for scale in (*MAPS.values(), *PEOPLE.values()):
         assert scale.ramp().shape == (256, 3)
-        np.testing.assert_array_equal(scale.ramp(), palette.scale(scale.colours))
+        np.testing.assert_array_equal(scale.ramp(), palette.ramp_of(scale.colours))
         places, texts = zip(*scale.ticks(scale.end(7.0)), strict=True)
         assert places[0] == 0.0
         assert list(places) == sorted(places)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import evac
+from evac.pictures.palette import colouring
 from evac.pictures.render import Renderer, Smoke
-from evac.pictures.scales import colouring
 from tests.conditions.corridor import corridor, prescribed
 
 

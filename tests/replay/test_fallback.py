@@ -8,8 +8,8 @@ import time
 import numpy as np
 from PIL import Image
 
-from evac.replay.account import poster
 from evac.replay.motion import GRAIN, MotionPacker
+from evac.replay.writer import poster
 from evac.trajectory.trajectory import read_trajectory
 
 

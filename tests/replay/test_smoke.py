@@ -5,7 +5,7 @@ import pytest
 
 import evac
 from evac.pictures import palette
-from evac.pictures.scales import colouring
+from evac.pictures.palette import colouring
 from tests.conditions.corridor import corridor, prescribed
 
 
@@ -48,7 +48,7 @@ def test_the_page_has_the_smoke_and_the_doses_of_the_trajectory(browser, result)
         assert found["seen"] == pytest.approx(8.0 / np.maximum(found["smoke"], 1e-6))
         visibility = colouring(trajectory, "visibility").of(frame)[:, 0]
         share = np.minimum(np.array(found["seen"]) / 30.0, 1.0)
-        assert np.abs(visibility - 255 * palette.scale("speed")[(255 * share).astype(int)]).max() < 8
+        assert np.abs(visibility - 255 * palette.ramp_of("speed")[(255 * share).astype(int)]).max() < 8
     for place in ("#legend", "#layer-legend"):
         assert "mean height of heads" in browser.text(place)
 

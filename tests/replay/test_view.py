@@ -11,9 +11,8 @@ from scipy.ndimage import maximum_filter
 from shapely import Point, box
 
 import evac
-from evac.replay.account import account_of_run
 from evac.replay.motion import MotionPacker
-from evac.replay.writer import replay_trajectory, write_page
+from evac.replay.writer import account_of_run, replay_trajectory, write_page
 from evac.trajectory.trajectory import read_trajectory
 
 #: Least change of a part of the colour of a pixel, from 0 to 255, by which somebody is told from what is behind.

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from evac.base.errors import ResultError
-from evac.replay.account import account_of_run
-from evac.replay.writer import packed, replay_trajectory
+from evac.replay.writer import account_of_run, packed, replay_trajectory
 from evac.trajectory.trajectory import read_trajectory
 
 

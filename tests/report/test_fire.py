@@ -5,7 +5,7 @@ import html
 import pytest
 
 import evac
-from evac.replay.account import account_of_run, texts
+from evac.replay.writer import account_of_run, texts
 from evac.report.of_run import run_report
 from evac.report.sections import Places
 from evac.results.verdict import bars

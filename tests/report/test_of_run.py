@@ -20,9 +20,9 @@ from evac.report.of_run import run_report
 from evac.report.pages import Labels
 from evac.report.sections import Places
 from evac.report.verification import evidence, subject_like
-from evac.results.answer import time_of_share
 from evac.results.reading import read_results
 from evac.results.recordedcase import CaseTable
+from evac.results.verdict import time_of_share
 
 from .conftest import HOSTILE, Page
 

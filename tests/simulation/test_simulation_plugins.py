@@ -118,8 +118,8 @@ def test_a_force_that_fails_is_named(tmp_path, method):
 
 def test_a_plan_knows_what_a_behaviour_does_at_ticks():
     case = load_case("square_room", {"behaviours.walking": {}})
-    (row,) = [part.as_row() for part in Simulation(case).plan if part.name == "behaviour: walking"]
-    assert row[2] == "at every tick"
+    (row,) = [row for row in Simulation(case).plan if row.part == "behaviour: walking"]
+    assert row.why == "at every tick"
 
 
 RANDOM = """

@@ -13,10 +13,15 @@ import pytest
 from evac.base.change import Change
 from evac.base.errors import ResultError, SimulationError
 from evac.building.model.cells import LevelField
-from evac.folder.digests import read_sealed, sealed
-from evac.folder.files import TRAJECTORY_NAME
-from evac.trajectory.trajectory import FIELDS, building_from_json, building_to_json, read_trajectory
-from evac.trajectory.writer import TrajectoryWriter, columns
+from evac.folder.files import TRAJECTORY_NAME, read_sealed, sealed
+from evac.trajectory.trajectory import (
+    FIELDS,
+    TrajectoryWriter,
+    building_from_json,
+    building_to_json,
+    columns,
+    read_trajectory,
+)
 
 
 def places_of(data):
@@ -165,7 +170,7 @@ from pathlib import Path
 from types import SimpleNamespace
 import numpy as np
 from evac.trajectory.trajectory import read_trajectory
-from evac.trajectory.writer import TrajectoryWriter
+from evac.trajectory.trajectory import TrajectoryWriter
 header = read_trajectory(Path({str(run.path)!r})).header
 crowd = SimpleNamespace(
     level=np.zeros(140, np.int32), position=np.ones((140, 2)), contact_force=np.ones(140), start_time=np.zeros(140)

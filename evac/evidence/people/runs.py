@@ -19,8 +19,7 @@ from evac.evidence.people import measures, scenes
 from evac.evidence.people.measures import MEASURES, Line, Track, Values
 from evac.evidence.people.scenes import NARROW_DOOR, OF_DEFAULT, SCENES, TWO_WAY_2, Experiment, imo_8_name
 from evac.evidence.scenes import model_overrides
-from evac.folder.digests import digest_of_data, digest_of_file
-from evac.folder.files import replacing
+from evac.folder.files import digest_of_data, digest_of_file, replacing
 from evac.simulation.simulation import Simulation
 from evac.standard import plans
 
