@@ -240,39 +240,45 @@ def _code_of(plugin: Any) -> Any:
     return plugin if is_code or inspect.isroutine(plugin) else type(plugin)
 
 
-@contextmanager
-def plugin_code(what: str, plugin: Any, read_only: str = "") -> Iterator[None]:
+class plugin_code:  # noqa: N801
     """Run code of a plugin; an exception that is not an EvacError becomes a PluginError with plugin, file and line.
 
     This includes SystemExit, but not KeyboardInterrupt, which comes from the user. Standard streams that the plugin has
     replaced are restored, which is an error too; other threads than the main one do not check this. `read_only` is the
-    remedy if the plugin has written to a read-only array.
+    remedy if the plugin has written to a read-only array. Unlike a generator, it costs little at each tick.
     """
-    streams, is_main = (sys.stdout, sys.stderr), threading.current_thread() is threading.main_thread()
-    try:
-        yield
-    except (EvacError, KeyboardInterrupt, GeneratorExit):
-        raise
-    except BaseException as error:
+
+    __slots__ = ("_plugin", "_read_only", "_streams", "_what")
+
+    def __init__(self, what: str, plugin: Any, read_only: str = "") -> None:
+        self._what, self._plugin, self._read_only = what, plugin, read_only
+
+    def __enter__(self) -> None:
+        self._streams = sys.stdout, sys.stderr
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
+        is_replaced, plugin = False, self._plugin
+        if sys.stdout is not self._streams[0] or sys.stderr is not self._streams[1]:
+            is_replaced = threading.current_thread() is threading.main_thread()
+        if is_replaced:
+            sys.stdout, sys.stderr = self._streams
+        if error is None and is_replaced:
+            own = (str(plugin), 1) if isinstance(plugin, Path) else plugin
+            remedy = "restore it, as contextlib.redirect_stdout does"
+            raise fault(self._what, "replaces sys.stdout or sys.stderr", remedy, own)
+        if error is None or isinstance(error, EvacError | KeyboardInterrupt | GeneratorExit):
+            return
         text = f"SyntaxError: {error.msg}" if isinstance(error, SyntaxError) else in_one_line(error)
         advice = "let the plugin raise an exception instead" if isinstance(error, SystemExit) else "correct the plugin"
         remedy = f"{advice}, or remove it"
         trace = traceback.extract_tb(error.__traceback__)
         if trace and _is_own(trace[-1].filename) and "; " in text:  # evac has raised it, and states the remedy
             text, _, remedy = text.rpartition("; ")
-        if read_only and isinstance(error, ValueError) and "read-only" in text:
-            remedy = read_only
+        if self._read_only and isinstance(error, ValueError) and "read-only" in text:
+            remedy = self._read_only
         own = (str(plugin), 1) if isinstance(plugin, Path) else _place_of_code(_code_of(plugin))
         place = _place_of_error(error, own[0])
-        raise fault(what, text, remedy, own if _is_own(place[0]) else place) from error
-    else:
-        if is_main and (sys.stdout is not streams[0] or sys.stderr is not streams[1]):
-            own = (str(plugin), 1) if isinstance(plugin, Path) else plugin
-            remedy = "restore it, as contextlib.redirect_stdout does"
-            raise fault(what, "replaces sys.stdout or sys.stderr", remedy, own)
-    finally:
-        if is_main:
-            sys.stdout, sys.stderr = streams
+        raise fault(self._what, text, remedy, own if _is_own(place[0]) else place) from error
 
 
 @contextmanager

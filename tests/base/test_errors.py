@@ -56,7 +56,7 @@ def test_a_path_need_not_exist(tmp_path):
 
 
 def test_an_error_of_evac_in_a_plugin_keeps_the_remedy_that_it_states():
-    remedy = r"^odd: ValueError: the value 2 is outside [^;]*; correct it$"
+    remedy = r"^odd: ValueError: the value 2 is outside [^;]*test_errors\.py, line \d+\); correct it; check it"
     with pytest.raises(PluginError, match=remedy), plugin_code("odd", usable_path):
         distribution_from({"constant": 2.0, "maximum": 1.0})
 
