@@ -6,7 +6,9 @@ import pytest
 import evac
 from evac.case.schema import QuickestSettings
 from evac.directions.build import build_fields
+from evac.directions.density import Kernels
 from evac.directions.local import CROWDED, LocalWays
+from evac.directions.march.waves import JAM
 from evac.directions.routes import Route
 from evac.simulation.simulation import Simulation
 
@@ -54,6 +56,18 @@ def test_travel_times_stay_those_of_the_empty_building(hall):
     update(local, crowd_in(8.0, 1.0, 11.0, 5.0))
     assert (local.fields.packed.travel_time == clear.packed.travel_time).all()
     assert (local.fields.packed.direction != clear.packed.direction).any()
+
+
+def test_beside_people_who_stand_firm_the_density_falls_with_the_room_that_is_left(drawing):
+    """Nobody touches them, and from a radius farther away on they are no hindrance."""
+    drawing.level((0.0, 0.0, 12.0, 6.0))
+    drawing.exit("right", 0, (12.0, 2.0), (12.0, 4.0))
+    fields = build_fields(drawing.build(), (FASTEST,), clearance=0.0, keep_grids=True)
+    kernels = Kernels(fields.grids[0].grids, fields.packed, 0.7)
+    found = kernels.beside(np.zeros(1, np.int32), np.array([[6.0, 3.0]]), np.array([0.2]), 0.3)
+    away = np.array([[6.0 + distance, 3.0] for distance in (0.4, 0.6, 0.7, 0.8, 1.5)])
+    there = found[kernels.nodes_at(np.zeros(5, np.int32), away)]
+    assert there == pytest.approx([np.inf, JAM * 2 / 3, JAM / 3, 0.0, 0.0], abs=1e-6)
 
 
 def test_people_who_stand_firm_are_walked_round_on_the_wide_side_until_they_have_gone(hall):
