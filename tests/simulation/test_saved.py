@@ -37,6 +37,7 @@ OTHERS = {
         "_ways",
         "waves",
         "queues",
+        "_queues",
         "_classes",
         "_margins",
         "_walks",
