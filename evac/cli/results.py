@@ -3,15 +3,11 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from evac.base.errors import ResultError, counted
 from evac.cli import inputs
 from evac.cli.screen import STYLES, note, say, show_table, show_warnings
 from evac.folder.files import FILM_NAME, PICTURE_NAME, REPLAY_NAME, REPORT_NAME
-
-if TYPE_CHECKING:
-    pass
 
 
 def declare_export(parser: argparse.ArgumentParser) -> None:

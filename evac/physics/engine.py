@@ -1,7 +1,8 @@
-"""The engine, which makes the steps of a tick."""
+"""The engine, which makes the steps of a tick: what a simulation requires of one, and the compiled engine."""
 
 import inspect
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -168,13 +169,68 @@ _FAILURES = {
 }
 
 
-class CompiledEngine(Saved):
-    """The step loop of a run, with its state and compiled kernels.
+class Engine(Saved, ABC):
+    """What a simulation requires of an engine, which moves people between two ticks.
 
-    It reads the `World`, in which the scene opens and closes links between ticks, and writes the arrays of the `Crowd`
-    that belong to the contact model (docs/architecture.md). Results do not depend on anything but the crowd, the world
-    and what `saved` names, which is restored after `load`.
+    `evac.simulation.assembly.ENGINE` is the class of all runs, made with the parameters of `CompiledEngine`. It reads
+    the `World`, in which the scene opens and closes links between ticks, and writes the arrays of the `Crowd` that
+    belong to the contact model (docs/architecture.md). Results must not depend on anything but the crowd, the world and
+    what `saved` names, which is restored after `load`.
     """
+
+    @classmethod
+    def kernels(
+        cls,
+        model: ContactModel,
+        forces: Sequence[Force],
+        solvers: Mapping[str, type[Solver]],
+        backed: Bytes,
+        full: bool,
+    ) -> list[Entry]:
+        """Return the kernels that a run is known to need, which are compiled together before it; none by default.
+
+        `backed` are the `walls_behind_exits` of levels; `full` includes what the scene does not need.
+        """
+        return []
+
+    @abstractmethod
+    def load(self, model: ContactModel) -> None:
+        """Prepare a contact model, at least before its first tick; nothing happens if it has been prepared."""
+
+    @abstractmethod
+    def advance(
+        self, model: ContactModel, crowd: Crowd, first: int, steps: int, length: float, explicit: bool, report: bool
+    ) -> Events:
+        """Make the steps of a tick, each of a `length` [s], and return its crossings of portals and exits.
+
+        The step of index `first` starts at ``first * length``. Rows of the crowd with a negative level are not inside.
+        Position, velocity, level and distance are written, and to `report`, the contact forces of the last step. If
+        `explicit`, the drive is integrated by explicit Euler, as in the paper.
+        """
+
+    @abstractmethod
+    def own_arrays(self) -> list[str]:
+        """Return the names of the arrays that the loaded contact model keeps in the engine."""
+
+    @abstractmethod
+    def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
+        """Return the optional parts of the engine: name, whether it is included, and the reason."""
+
+    @abstractmethod
+    def explain_forces(self) -> dict[str, str]:
+        """Return how each force in use acts, by name."""
+
+    @abstractmethod
+    def contact_report(self, model: ContactModel) -> dict[str, Any]:
+        """Return the counts and sums of the run until now for summary.json, with the names in docs/summary.md.
+
+        Quality warnings need ``model``, ``parameters``, ``steps``, ``greatest_overlap``, ``unconverged_steps``,
+        ``failed_solves``, ``failed_position_corrections`` and ``energy``.
+        """
+
+
+class CompiledEngine(Engine):
+    """The step loop of a run, with its state and compiled kernels."""
 
     saved = ("memory", "room", "data.tally", "data.lists.pair_reach", "data.lists.wall_reach", "data.clock.h_before")
     growing = ("memory", "room")
@@ -205,12 +261,7 @@ class CompiledEngine(Saved):
     def advance(
         self, model: ContactModel, crowd: Crowd, first: int, steps: int, length: float, explicit: bool, report: bool
     ) -> Events:
-        """Make the steps of a tick, each of a `length` [s], and return its crossings of portals and exits.
-
-        The step of index `first` starts at ``first * length``. Rows of the crowd with a negative level are not inside.
-        Position, velocity, level and distance are written, and to `report`, the contact forces of the last step. If
-        `explicit`, the drive is integrated by explicit Euler, as in the paper.
-        """
+        """Make the steps of a tick and return its crossings, see `Engine.advance`."""
         self.load(model)
         state, clock = self.data, self.data.clock
         if self._gather(model, crowd):
@@ -279,10 +330,7 @@ class CompiledEngine(Saved):
         backed: Bytes,
         full: bool,
     ) -> list[Entry]:
-        """Return the kernels that a run is known to need, which are compiled together before it.
-
-        `backed` are the `walls_behind_exits` of levels; `full` includes what the scene does not need.
-        """
+        """Return the kernels of the step loop, see `Engine.kernels`."""
         entries = [gather, scatter, *entries_of_parts(model, forces, full or have_seams(backed)).values()]
         if isinstance(model, PairContact):
             model.check_pair()

@@ -19,7 +19,7 @@ from evac.people.population import Population, build_population
 from evac.people.starts import with_numbers
 from evac.people.ways import check_ways
 from evac.physics.contact.model import ContactModel, SolvedContactModel, border_scene
-from evac.physics.engine import CompiledEngine
+from evac.physics.engine import CompiledEngine, Engine
 from evac.physics.force import Force
 from evac.simulation.needed import solve_fields
 from evac.simulation.scene import Scene, SharedScene
@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 
 
 Found = TypeVar("Found")
+
+#: The engine of all runs; nothing else chooses one.
+ENGINE = CompiledEngine
 
 
 def make_building(case: "Case") -> Building:
@@ -208,10 +211,10 @@ def make_safety(case: "Case", scene: SharedScene, people: Population, exposure: 
     return Safety(case, scene.building, people.crowd, air, people.staying, scene.floors)
 
 
-def make_engine(simulation: "Simulation", behaviours: Sequence[Behaviour]) -> CompiledEngine:
+def make_engine(simulation: "Simulation", behaviours: Sequence[Behaviour]) -> Engine:
     """Return the engine of a simulation with its people and forces."""
     scene, people = simulation.scene, len(simulation.population.crowd.level)
-    return CompiledEngine(
+    return ENGINE(
         scene.world,
         people,
         simulation.forces,

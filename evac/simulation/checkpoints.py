@@ -363,7 +363,7 @@ def made_of(simulation: Simulation) -> dict[str, dict[str, str]]:
 def kernels_of(simulation: Simulation) -> dict[str, str]:
     """Return digests of the kernels that a run uses or may need later, by name."""
     behaviours = [behaviour for behaviour, _ in simulation.behaviours]
-    parts = simulation.building, simulation.contact, simulation.forces, behaviours
+    parts = type(simulation.engine), simulation.building, simulation.contact, simulation.forces, behaviours
     entries = [*needed.SET_UP, *needed.run_kernels(simulation.case, *parts, full=True)]
     digests = {entry.label: digest_of(entry, f"{host()}") for entry in entries}
     return digests | {"interpreted": str(INTERPRETED)}

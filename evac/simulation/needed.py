@@ -21,7 +21,6 @@ from evac.people.outside import walk_straight
 from evac.people.placement import add_discs
 from evac.people.places import routes_to_places
 from evac.people.ways import walk_all
-from evac.physics.engine import CompiledEngine
 from evac.physics.force import Force
 from evac.physics.world import walls_behind_exits
 from evac.results.ending import add_speeds, count_near
@@ -30,6 +29,7 @@ from evac.results.results import PlanRow
 if TYPE_CHECKING:
     from evac.case.case import Case
     from evac.physics.contact.model import ContactModel
+    from evac.physics.engine import Engine
     from evac.simulation.simulation import Simulation
 
 #: The kernels that the directions and people of a scene need.
@@ -124,6 +124,7 @@ def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
 
 def run_kernels(
     case: "Case",
+    engine: "type[Engine]",
     building: Building,
     model: "ContactModel",
     forces: Sequence[Force],
@@ -131,7 +132,7 @@ def run_kernels(
     full: bool,
 ) -> list[Entry]:
     """Return the kernels of engine, behaviours and routes that are known to be needed at the start of a run."""
-    kernels = [*CompiledEngine.kernels(model, forces, case.registry.solvers, walls_behind_exits(building), full)]
+    kernels = [*engine.kernels(model, forces, case.registry.solvers, walls_behind_exits(building), full)]
     kernels += [add_speeds, count_near]
     for behaviour in behaviours:
         kernels += entries_of(sys.modules[type(behaviour).__module__])

@@ -166,7 +166,7 @@ class Simulation(Saved):
             check_people(case, building)
             self.case = case = with_numbers(case, building)
         with self.phases.enter("kernels"):
-            used = building, self.contact, self.forces, behaviours
+            used = assembly.ENGINE, building, self.contact, self.forces, behaviours
             kernels = needed.run_kernels(case, *used, self.full) if will_run else []
             addresses_of([*needed.SET_UP, *kernels], compiling)
         solve = partial(

@@ -3,20 +3,23 @@
 import numpy as np
 import pytest
 
-from evac.base.saved import Saved
 from evac.case.loading import load_case
+from evac.physics import driver
+from evac.physics.engine import CompiledEngine, Engine
 from evac.physics.motion import EXIT, desired_direction, desired_speed
 from evac.physics.seams import way_out
 from evac.physics.state import Events, allocate
 from evac.results.ending import EVERYBODY_OUT
 from evac.simulation import assembly
+from evac.simulation.assembly import make_behaviours, make_building, make_contact_model, make_forces
+from evac.simulation.needed import run_kernels
 from evac.simulation.simulation import Simulation
 
 #: So far apart that nobody meets anybody on the way to the door.
 PLACES = [[4.0, 2.5], [2.0, 2.5], [0.5, 2.6]]
 
 
-class FreeWalk(Saved):
+class FreeWalk(Engine):
     """Makes steps of the drive alone, of one body after the other, on one level without obstacles."""
 
     saved = ("steps",)
@@ -77,7 +80,7 @@ def walkers():
 
 @pytest.fixture
 def free_walk(monkeypatch):
-    monkeypatch.setattr(assembly, "CompiledEngine", FreeWalk)
+    monkeypatch.setattr(assembly, "ENGINE", FreeWalk)
 
 
 def test_an_engine_in_numpy_makes_the_same_run(free_walk, monkeypatch):
@@ -92,6 +95,13 @@ def test_an_engine_in_numpy_makes_the_same_run(free_walk, monkeypatch):
     for name in ("exit_time", "position", "velocity", "distance"):
         np.testing.assert_allclose(getattr(found.crowd, name), getattr(wanted.crowd, name), rtol=1e-12, err_msg=name)
     np.testing.assert_array_equal(found.crowd.exit_used, wanted.crowd.exit_used)
+
+
+def test_kernels_of_the_step_loop_are_compiled_for_their_engine_alone():
+    case = walkers()
+    scene = make_building(case), make_contact_model(case), make_forces(case), make_behaviours(case), False
+    assert driver.advance in run_kernels(case, CompiledEngine, *scene)
+    assert driver.advance not in run_kernels(case, FreeWalk, *scene)
 
 
 def test_a_run_with_another_engine_is_resumed(free_walk):

@@ -96,5 +96,5 @@ def test_kernels_of_behaviours_are_loaded_at_the_start_and_named_by_checkpoints(
 def test_the_march_of_ways_that_follow_the_crowd_is_loaded_where_there_are_such_ways(changes, is_loaded):
     _, simulation = plan_of("square_room", changes)
     behaviours = [behaviour for behaviour, _ in simulation.behaviours]
-    parts = simulation.building, simulation.contact, simulation.forces, behaviours
+    parts = type(simulation.engine), simulation.building, simulation.contact, simulation.forces, behaviours
     assert (march_waves in run_kernels(simulation.case, *parts, full=False)) == is_loaded
