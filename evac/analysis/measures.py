@@ -18,7 +18,7 @@ from evac.trajectory.trajectory import Rows, Trajectory
 FORCE_SPAN = 1.0
 
 #: Number of rows of `Records` above which they are passed on.
-MOST_ROWS = 100_000
+MOST_ROWS = 25_000
 
 
 class Measures(NamedTuple):

@@ -57,6 +57,8 @@ def gaps_at(
     out, except where the ground falls apart at them: there, the widest one between two parts of the ground counts.
     """
     segments = gaps_between_walls(building, level, width - JOINED)  # a body as wide as the gap passes
+    if not len(segments):
+        return []
     lines, across = shapely.linestrings(segments.reshape(-1, 2, 2)), segment_lengths(segments)
     pairs = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=width).T
     cluster = connected_components(len(lines), pairs)
