@@ -3,7 +3,6 @@
 import csv
 import resource
 from collections import defaultdict
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +11,7 @@ import shapely
 from evac import BuildingError, import_building
 from evac.building.model.links import levels_reaching
 from evac.importing.rooms import NEGLIGIBLE
-
-FOREIGN = Path(__file__).parents[3] / "shared" / "data" / "foreign"
-#: What shapely, trimesh, ezdxf and ifcopenshell read in these files, and how.
-TABLE = Path(__file__).parent / "foreign.csv"
+from tests.importing.independent import FOREIGN, TABLE, rows_of
 
 pytestmark = pytest.mark.skipif(not FOREIGN.is_dir(), reason="../shared/data/foreign is not there")
 
@@ -107,3 +103,13 @@ def test_a_product_whose_shape_has_no_end_is_named(tmp_path):
     with pytest.raises(BuildingError, match=r"IfcWallStandardCase #218 .* takes more than 2 s"):
         import_building([FOREIGN / "ios_411_walls.ifc"], tmp_path, options={"product_time": 2.0})
     assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - started < 60.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [marked(name) for name in sorted(EXPECTED) if not name.endswith(".ifc")])
+def test_the_table_is_what_the_independent_reading_finds(name):
+    for library in {".dxf": ["ezdxf"], ".obj": ["trimesh"]}.get(name[name.rindex(".") :], []):
+        pytest.importorskip(library)
+    with TABLE.open(encoding="utf-8") as file:
+        rows = [tuple(row) for row in csv.reader(file) if row[0] == name]
+    assert list(rows_of(FOREIGN / name)) == rows
