@@ -258,7 +258,8 @@ class Recount:
             ends = tuple(way["levels"]), tuple(map(tuple, way["segments"]))
             by_name[way["name"]] = next((one for one in ways if one[1:] == ends), None)
         for one in self.crossings:
-            person, time, way = int(one["person"]), float(one["time"]), by_name[one["portal"]]
+            # Between the pieces of a stair, a crossing has the name of the stair.
+            person, time, way = int(one["person"]), float(one["time"]), by_name.get(one["portal"])
             if way is not None:
                 found[person].append((time, (way[0], way, until[person, time])))
         for number, person in enumerate(self.people):
