@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from evac.study.stopping import GROWTH, Rule, rule_of
+from evac.study.stopping import GROWTH, rule_of
 
 ALONE = range(10**6)
 
@@ -63,6 +63,6 @@ def test_a_study_stops_when_its_interval_cannot_become_finite():
 
 
 def test_numbers_of_runs_are_whole_populations():
-    rule = Rule(7, 50, 0.001, repetitions=5)
+    rule = rule_of(until=0.001, least=7, most=50, repetitions=5)
     assert rule.first == 10
     assert rule.wanted(np.random.default_rng(3).lognormal(size=10), np.arange(10) // 5) % 5 == 0
