@@ -22,17 +22,21 @@ INSTANT = 1e-9  #: Tolerance of times, which are multiples of the step [s].
 class _Choosers:
     """People who choose between the same routes.
 
+    ``strategies`` and ``changed_to`` are their strategies before and after ``change_at`` [s];
     ``exits`` are the permitted destinations, each a tuple of names; ``steepest`` is that of their route in the case.
     """
 
     rows: IntArray
     exits: tuple[tuple[str, ...], ...]
     strategies: tuple[str, ...]
+    change_at: float
+    changed_to: tuple[str, ...]
     steepest: float | None
 
-    def offered(self) -> list[Route]:
+    def offered(self, changed: bool) -> list[Route]:
         """Return the routes that they choose between."""
-        return [Route(exits, strategy, self.steepest) for strategy in self.strategies for exits in self.exits]
+        strategies = self.changed_to if changed else self.strategies
+        return [Route(exits, strategy, self.steepest) for strategy in strategies for exits in self.exits]
 
 
 class RouteChoice(Behaviour):
@@ -57,26 +61,32 @@ class RouteChoice(Behaviour):
     """
 
     name = "route_choice"
-    saved = ("_next", "_version")
+    saved = ("_changed", "_next", "_version")
     reads = ("position", "level", "contact_radius", "speed", "route")
     writes = ("route",)
-    group_keys = ("exits", "strategies")
+    group_keys = ("exits", "strategies", "change_at")
 
     exits: Any = Parameter((), "exits to choose between; empty: all exits")
     strategies: Any = Parameter(("fastest",), "strategies to choose between", choices=STRATEGIES)
     every: Any = Parameter(0.0, "time between two choices; 0: only at the start", "s", minimum=0.0)
+    change_at: Any = Parameter(math.inf, "time at which `change_to` replaces the strategies", "s", 0.0, infinite=True)
+    change_to: Any = Parameter("", "strategy after `change_at`; empty: no change", choices=("", *STRATEGIES))
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
         if not self.strategies:
             raise PluginError("route_choice.strategies: give at least one of " + ", ".join(STRATEGIES))
+        if math.isfinite(self.change_at) and not self.change_to:
+            raise PluginError("route_choice.change_at: requires change_to; set change_to to a strategy")
         self._groups: tuple[_Choosers, ...] = ()
+        self._changed = np.zeros(0, dtype=np.uint8)
         self._next = np.array([math.inf])
 
     def routes(self) -> tuple[Route, ...]:
         """Return the routes to each of `exits` with each strategy."""
+        strategies = dict.fromkeys((*self.strategies, *([self.change_to] if self.change_to else [])))
         single = tuple((name,) for name in self.exits) or ((),)
-        return tuple(Route(exits, strategy) for strategy in dict.fromkeys(self.strategies) for exits in single)
+        return tuple(Route(exits, strategy) for strategy in strategies for exits in single)
 
     def prepare(self, scene: BehaviourScene) -> None:
         """Choose the initial routes."""
@@ -86,18 +96,22 @@ class RouteChoice(Behaviour):
         self._groups = tuple(
             choosers for group in scene.groups for choosers in self._choosers_of(group, scene.crowd.route)
         )
+        self._changed = np.zeros(len(self._groups), dtype=np.uint8)
         self._next = np.array([self.every if self.every > 0.0 else math.inf])
         for choosers in self._groups:
-            self._choose(scene.crowd, choosers)
+            self._choose(scene.crowd, choosers, False)
 
     def act(self, crowd: Crowd, time: float) -> None:
-        """Choose again once per period, and when the scene changes."""
+        """Choose again when a strategy changes, once per period, and when the scene changes."""
         again = time >= self._next[0] - INSTANT or self._scene.version != self._version
         self._version = self._scene.version
         if time >= self._next[0] - INSTANT:
             self._next[0] = self.every * (math.floor(time / self.every + INSTANT) + 1)
-        for choosers in self._groups if again else ():
-            self._choose(crowd, choosers)
+        for index, choosers in enumerate(self._groups):
+            changes = not self._changed[index] and time >= choosers.change_at - INSTANT
+            self._changed[index] |= changes
+            if again or changes:
+                self._choose(crowd, choosers, bool(self._changed[index]))
 
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if there is only one route in the scene."""
@@ -105,7 +119,7 @@ class RouteChoice(Behaviour):
 
     def acts_at_ticks(self) -> bool:
         """Return False if routes are only chosen at the start."""
-        return bool(self.every > 0.0)
+        return self.every > 0.0 or any(math.isfinite(choosers.change_at) for choosers in self._groups)
 
     def _choosers_of(self, group: Any, route: IntArray) -> list[_Choosers]:
         """Return the people of a group, by the exits that their route in the case permits."""
@@ -113,6 +127,11 @@ class RouteChoice(Behaviour):
         where = f"people.{group.name}.behaviours.route_choice"
         strategies = self._among(f"{where}.strategies", settings, "strategies", self.strategies)
         exits = self._among(f"{where}.exits", settings, "exits", self.exits)
+        change_at = RouteChoice.declared()["change_at"].check(
+            f"{where}.change_at", settings.get("change_at", self.change_at)
+        )
+        if math.isfinite(change_at) and not self.change_to:
+            raise ScenarioError(f"{where}.change_at: set behaviours.route_choice.change_to to a strategy")
         choosers = []
         for index in np.unique(route[group.rows]):
             allowed = self._scene.fields.routes[index].exits
@@ -125,8 +144,9 @@ class RouteChoice(Behaviour):
                     f"({', '.join(exits) or 'none'}); add them there"
                 )
             rows = group.rows[route[group.rows] == index]
+            changed_to = (self.change_to,) if self.change_to else strategies
             steepest = self._scene.fields.routes[index].steepest
-            choosers.append(_Choosers(rows, possible, strategies, steepest))
+            choosers.append(_Choosers(rows, possible, strategies, change_at, changed_to, steepest))
         return choosers
 
     @staticmethod
@@ -140,14 +160,14 @@ class RouteChoice(Behaviour):
                 )
         return chosen or offered
 
-    def _choose(self, crowd: Crowd, choosers: _Choosers) -> None:
+    def _choose(self, crowd: Crowd, choosers: _Choosers, changed: bool) -> None:
         """Set the routes of people inside, but for those on their way to an area, to those of minimum cost."""
         to_area = np.array([bool(route.area) for route in self._scene.fields.routes])
         rows = choosers.rows[crowd.level[choosers.rows] >= 0]
         rows = rows[~to_area[crowd.route[rows]]]
         if not len(rows):
             return
-        routes = choosers.offered()
+        routes = choosers.offered(changed)
         strategies = {route.strategy for route in routes}
         measure = strategies.pop() if len(strategies) == 1 else "fastest"
         cost = route_costs(self._scene.fields, crowd, rows, [self._index[route] for route in routes], measure)

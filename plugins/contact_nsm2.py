@@ -14,15 +14,20 @@ from evac.physics.contact.contacts import (
     tangential_velocity,
 )
 from evac.physics.contact.model import BorderScene, SolvedContactModel
-from evac.physics.contact.percussions import find_percussions
+from evac.physics.contact.percussions import find_percussions, is_to_separate
 from evac.physics.state import State, Traits, World
-from evac.physics.status import NEEDS_STRONGER_SOLVER, OK, TOO_FAST
+from evac.physics.status import NEEDS_STRONGER_SOLVER, OK, SEPARATE, TOO_FAST
 
 #: Search distance for contacts as a share of the free paths; bodies farther apart cannot meet within the step.
 REACH = 1.0 + 1e-9
 TOUCH = 1e-9
 
 FALLBACK = 1e5  #: Dissipation used to solve a step again that has no solution for infinite K_N [kg].
+OVERLAP = 2e-4  #: Tolerance of overlaps of the optional position correction [m].
+
+#: Largest gap of bodies that count as touching if positions are corrected [m]. Otherwise, a gap that was corrected to
+#: zero would not be a contact of bodies that move in the same direction, and would be corrected again in every step.
+MARGIN = 2e-3
 
 
 class Dissipation(Struct):
@@ -30,6 +35,8 @@ class Dissipation(Struct):
 
     normal_dissipation: float  # K_N [kg]
     tangential_dissipation: float  # K_T [kg]
+    position_correction: int  # 1: overlaps are separated
+    margin: float  # largest gap of bodies that count as touching [m]
     velocity_tolerance: float  # [m/s]
     iterations: int
 
@@ -39,7 +46,12 @@ def solve_velocities(state: State, own: Dissipation, h: float) -> int:
     """Find the velocities after the percussions; use a finite K_N if there is no solution for an infinite one."""
     bodies, contacts, problem, tally = state.bodies, state.contacts, state.problem, state.tally
     free, solved = bodies.free, bodies.solved
-    keep_only_meeting(state.world, bodies, contacts, h)
+    if own.position_correction and is_to_separate(state, OVERLAP, own.iterations):
+        return SEPARATE
+    keep_only_meeting(state.world, bodies, contacts, h, own.margin)
+    for c in range(contacts.number if own.position_correction else 0):
+        if 0.0 < contacts.gap[c] <= own.margin:  # counts as touching; overlaps have been counted before
+            tally[at.CONTACTS] += 1.0
     if own.tangential_dissipation > 0.0 or state.clock.full:
         _stick(state.world, bodies, contacts)
     is_elastic = math.isinf(own.normal_dissipation)
@@ -112,6 +124,7 @@ class Nsm2(SolvedContactModel):
     midpoint = True
     normal_dissipation = Parameter(1e5, "K_N of eq. 26", unit="kg", minimum=0.0, infinite=True)
     tangential_dissipation = Parameter(0.0, "K_T of eq. 26", unit="kg", minimum=0.0)
+    position_correction = Parameter(False, "separate overlapping bodies without changing velocities")
 
     def promised_overlap(self, scene: BorderScene) -> float:
         """Return h v [m] with the largest desired or initial speed v.
@@ -121,12 +134,29 @@ class Nsm2(SolvedContactModel):
         return scene.step * float(scene.speed.max())
 
     def parts(self) -> list[tuple[str, bool, str]]:
-        """Return the tangential law."""
-        return [("tangential contact", self.tangential_dissipation > 0, f"K_T = {self.tangential_dissipation:g} kg")]
+        """Return the tangential law and the position correction."""
+        return [
+            ("tangential contact", self.tangential_dissipation > 0, f"K_T = {self.tangential_dissipation:g} kg"),
+            (
+                "position correction",
+                self.position_correction,
+                f"position_correction = {str(self.position_correction).lower()}",
+            ),
+        ]
 
     def traits(self, world: World) -> Traits:
-        """Return the properties of the model."""
-        return super().traits(world).replace(reach_floor=TOUCH + world.rounding)
+        """Return the properties of the model; contacts are searched at least up to `margin`."""
+        return super().traits(world).replace(reach_floor=max(TOUCH + world.rounding, self.margin))
+
+    @property
+    def separates(self) -> bool:  # type: ignore[override]
+        """Whether overlaps are separated."""
+        return bool(self.position_correction)
+
+    @property
+    def margin(self) -> float:
+        """Largest gap of bodies that count as touching [m]."""
+        return MARGIN if self.position_correction else 0.0
 
     def advice(self) -> Mapping[int, str]:
         """Return what to change if a step fails."""

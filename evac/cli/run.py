@@ -32,6 +32,7 @@ def declare_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--full", action="store_true", help=what)
     watch = "open the page of `evac edit` in the browser, on which people move while the run is computed"
     parser.add_argument("--watch", action="store_true", help=watch)
+    parser.add_argument("--vtk", action="store_true", help="write the VTK animation as well (output.animation=true)")
     declare_checkpoint(parser, "none")
     declare_verbose(parser)
 
@@ -61,6 +62,8 @@ def execute_run(arguments: argparse.Namespace) -> int:
         case = inputs.case_to_run(arguments)
         if arguments.watch:
             display.line(_watched(case.source, arguments.out or inputs.default_folder(case)))
+        if arguments.vtk:
+            case = case.change({"output.animation": True})
         from evac.folder.resultfolder import ResultFolder
         from evac.simulation.simulation import Simulation
 

@@ -28,9 +28,9 @@ def test_each_output_can_be_switched_off(evac, tmp_path, off):
     assert {path.name for path in (tmp_path / "r").iterdir()} == left
 
 
-def test_the_animation_is_written(evac, tmp_path):
-    few = ["people.people.number=2", "simulation.duration=0.5", "output.picture=false"]
-    evac("run", "square_room", "--out", "r", "--set", *few, "output.animation=true")
+def test_vtk_switches_the_animation_on(evac, tmp_path):
+    few = ["people.people.number=2", "simulation.duration=0.5", "output.animation=false", "output.picture=false"]
+    evac("run", "square_room", "--out", "r", "--vtk", "--set", *few)
     assert (tmp_path / "r" / "animation.pvd").is_file()
 
 

@@ -14,7 +14,7 @@ REGISTRY = Registry()
 #: Other values of built-in contact models that change what they compute.
 VARIANTS = {
     "nsm1": [{"variant": "overdamped"}, {"solver": "uzawa"}],
-    "nsm2": [{"normal_dissipation": 0.0}, {"tangential_dissipation": 100.0}],
+    "nsm2": [{"normal_dissipation": 0.0}, {"tangential_dissipation": 100.0}, {"position_correction": True}],
 }
 
 #: Cases in which the built-in behaviours have something to do.

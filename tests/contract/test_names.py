@@ -15,7 +15,7 @@ ROOT = Path(evac.__file__).parent
 MAY_NAME = ("contract/hooks.py", "importing/documents.py", "standard/", "evidence/")
 
 #: Registered names that are common words, too, or a column of people.csv.
-WORDS = {"familiarity", "response_time", "together", "walking"}
+WORDS = {"familiarity", "response_time", "rest", "together", "walking"}
 
 
 @cache

@@ -248,8 +248,8 @@ def test_groups_events_and_behaviours_are_changed_in_the_case(page):
     page.type("Name", "blocked")
     page.type("Time [s]", "12")
     page.type("Target", "side")
-    page.run("document.querySelector('#behaviours input[aria-label=riding]').click()")
-    assert page.text("#inspector h2") == "Behaviour riding"
+    page.run("document.querySelector('#behaviours input[aria-label=rest]').click()")
+    assert page.text("#inspector h2") == "Behaviour rest"
     page.judged()
     assert page.text("#verdict") == "Can be run"
     assert "+number = 20" in page.text("#changes")
@@ -257,7 +257,7 @@ def test_groups_events_and_behaviours_are_changed_in_the_case(page):
     after = tomllib.loads(case.read_text())
     assert after["people"][1] == before["people"][1] | {"number": 20}
     assert after["event"] == [{"name": "blocked", "time": 12, "kind": "close", "target": "side"}]
-    assert after["behaviours"] == before["behaviours"] | {"riding": {}}
+    assert after["behaviours"] == before["behaviours"] | {"rest": {}}
     assert 'area = "office"  # an area of the plan\n' in case.read_text()
 
 

@@ -177,6 +177,7 @@ MISSING = {
     "nsm1, unconverged": (jam, Nsm1(**WEAK), [NEEDS_STRONGER_SOLVER]),
     "nsm2, unconverged": (jam, Nsm2(**WEAK), [NEEDS_STRONGER_SOLVER]),
     "nsm1, overlaps": (jam, Nsm1(gap_tolerance=1e-5), [NEEDS_SEPARATION]),
+    "nsm2, overlaps": (jam, Nsm2(position_correction=True), [NEEDS_SEPARATION]),
     "nsm1, both": (
         jam,
         Nsm1(gap_tolerance=1.2e-5, **WEAK),
@@ -254,13 +255,13 @@ def test_a_part_that_is_never_needed_is_never_loaded():
     assert [is_in for _, is_in, _ in engine.explain(Nsm1())] == [False, True, False, False]
 
 
-@pytest.mark.parametrize("model", [Nsm1(), Nsm2()])
-def test_everything_forced_in_is_what_the_model_can_ask_for(model):
+@pytest.mark.parametrize("separates", [False, True])
+def test_everything_forced_in_is_what_the_model_can_ask_for(separates):
     engine = make_engine(make_crowd([(0, 0)]), full=True)
-    engine.load(model)
+    engine.load(Nsm2(position_correction=separates))
     assert engine.data.parts.stronger.solve != 0
-    assert all(is_in for _, is_in, _ in engine.explain(model))
-    assert (engine.data.parts.separation != 0) == model.separates
+    assert all(is_in for _, is_in, _ in engine.explain(Nsm2(position_correction=separates)))
+    assert (engine.data.parts.separation != 0) == separates
 
 
 class Constants(Struct):

@@ -6,16 +6,19 @@ import pytest
 import evac
 from evac.simulation.simulation import Simulation
 
+POSITION_CORRECTION = {"contact.nsm2.position_correction": True}
 
-def case_of(positions, **changes):
+
+def case_of(model, positions, **changes):
     group = {"name": "people", "positions": positions, "level": "room", "radius": 0.2, "mass": 80.0, "speed": 1.5}
     return evac.load("square_room").change(
-        {"people": [group], "contact.model": "nsm1", "simulation.duration": 2.0, **changes}
+        {"people": [group], "contact.model": model, **POSITION_CORRECTION, "simulation.duration": 2.0, **changes}
     )
 
 
-def test_who_is_pushed_over_the_exit_is_out_at_once_and_has_not_walked():
-    simulation = Simulation(case_of([[4.88, 2.5], [4.735, 2.5]]))
+@pytest.mark.parametrize("model", ["nsm1", "nsm2"])
+def test_who_is_pushed_over_the_exit_is_out_at_once_and_has_not_walked(model):
+    simulation = Simulation(case_of(model, [[4.88, 2.5], [4.735, 2.5]]))
     results = simulation.run()
     crowd = results.crowd
     assert results.report["position_corrections"] > 0
@@ -24,9 +27,10 @@ def test_who_is_pushed_over_the_exit_is_out_at_once_and_has_not_walked():
     assert crowd.distance[0] < 0.02  # of the 0.12 m to the exit
 
 
+@pytest.mark.parametrize("model", ["nsm1", "nsm2"])
 @pytest.mark.parametrize("place", [(0.21, 0.21), (4.79, 1.9)], ids=["corner", "post"])
-def test_a_heap_is_parted(place):
-    simulation = Simulation(case_of([place] * 10, **{"simulation.duration": 1.0}))
+def test_a_heap_is_parted(model, place):
+    simulation = Simulation(case_of(model, [place] * 10, **{"simulation.duration": 1.0}))
     results = simulation.run()
     inside = results.crowd.position[results.crowd.level >= 0]
     assert ((inside > -1e-6) & (inside < 5.0 + 1e-6)).all()
@@ -37,7 +41,7 @@ def test_a_heap_is_parted(place):
 def after_one_step(positions, radius):
     """Let people stand for one step of NSM1; return the results and how deep each overlaps the one before it [m]."""
     group = {"name": "people", "positions": positions, "level": "room", "radius": radius, "mass": 80.0, "speed": 0.0}
-    results = Simulation(case_of(positions, **{"people": [group], "simulation.duration": 0.01})).run()
+    results = Simulation(case_of("nsm1", positions, **{"people": [group], "simulation.duration": 0.01})).run()
     return results, 2.0 * radius - np.hypot(*np.diff(results.crowd.position, axis=0).T)
 
 

@@ -41,10 +41,11 @@ def test_a_fall_back_from_the_elastic_law_counts_its_solves():
     assert report["greatest_residual"] < 0.1  # of the second problem, not of the first
 
 
-def test_overlaps_that_cannot_be_parted_are_counted_once_a_tick():
+@pytest.mark.parametrize("model", [Nsm1(), Nsm2(position_correction=True)], ids=name_of)
+def test_overlaps_that_cannot_be_parted_are_counted_once_a_tick(model):
     """A body of 0.4 m in a gap of 0.36 m."""
     crowd = make_crowd([(0, 0.18)], radius=0.2)
-    report = walk(Nsm1(), crowd, 30, building=GAP).report()
+    report = walk(model, crowd, 30, building=GAP).report()
     assert report["failed_position_corrections"] == 3
     assert report["position_corrections"] == 0
 

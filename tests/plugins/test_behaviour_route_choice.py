@@ -148,6 +148,18 @@ def test_exits_of_the_case_and_of_the_group_limit_the_choice(building):
     assert [route.exits for route in chosen(of)] == [("flat",), ("stair",), ("stair",)]
 
 
+def test_a_strategy_changes_during_the_run(building):
+    behaviour = RouteChoice(exits=["flat", "stair"], change_at=20.0, change_to="comfortable")
+    groups = [([9.0], [1.0], {}), ([9.0], [1.0], {"change_at": math.inf})]
+    of = scene(building, behaviour, groups)
+    behaviour.prepare(of)
+    assert behaviour.acts_at_ticks()
+    behaviour.act(of.crowd, 19.9)
+    assert chosen(of) == [Route(("stair",))] * 2
+    behaviour.act(of.crowd, 199 * 0.1 + 0.1)
+    assert chosen(of) == [Route(("flat",), "comfortable"), Route(("stair",))]
+
+
 def test_people_choose_again_once_a_period_from_where_they_are(building):
     behaviour = RouteChoice(exits=["flat", "stair"], every=5.0)
     of = scene(building, behaviour, [([9.0, 9.0], [1.0, 1.0], {})])
@@ -168,6 +180,7 @@ def test_people_choose_again_once_a_period_from_where_they_are(building):
         ({"strategies": ["fast"]}, "strategies: .*'fastest'"),
         ({"strategies": []}, "strategies"),
         ({"exits": "flat"}, "exits: .*'flat'"),
+        ({"change_at": 5.0}, "change_to"),
         ({"every": -1.0}, "every: .*-1"),
     ],
 )
@@ -181,6 +194,7 @@ def test_refuses_settings(settings, message):
     [
         ({"exits": ["stairs"]}, 0, r"people\.group 0\.behaviours\.route_choice\.exits: 'stairs'.*'stair'"),
         ({"strategies": ["shortest"]}, 0, "strategies: 'shortest'"),
+        ({"change_at": 5.0}, 0, "behaviours.route_choice.change_to"),
         ({"exits": ["stair"]}, 1, r"people\.group 0\.exits: .*flat.* \(stair\); add"),
     ],
 )

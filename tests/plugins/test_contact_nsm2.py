@@ -7,6 +7,7 @@ from evac.base.errors import PluginError
 from evac.physics.state import make_crowd
 from evac_plugins.contact_nsm2 import Nsm2
 from tests.physics.scenes import (
+    fields_towards,
     kinetic_energy,
     make_building,
     make_engine,
@@ -93,6 +94,30 @@ def test_a_separating_overlap_is_left_alone():
     np.testing.assert_allclose(crowd.velocity, [(-1, 0), (1, 0)], rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("dissipation", [0.0, 1e5])
+def test_position_correction_keeps_overlaps_small(dissipation):
+    """In the mean: the greatest overlap is that of one new contact, which is counted before it is put right."""
+    mean = {False: [], True: []}
+    for seed in range(4):
+        for correction, found in mean.items():
+            crowd = random_crowd(60, (0, 0), (5, 5), seed=seed)
+            model = Nsm2(normal_dissipation=dissipation, position_correction=correction)
+            engine = make_engine(crowd, make_building(walls=ROOM), fields_towards((6, 2.5)))
+            engine.advance(model, crowd, 0, 400, 0.01, False, False)
+            report = engine.report()
+            found.append(report["overlap_sum"] / report["overlaps"])
+            assert (report["position_corrections"] > 0) == correction
+    assert min(mean[False]) > 1e-3
+    assert np.mean(mean[True]) < 0.7 * np.mean(mean[False])
+
+
+def test_position_correction_leaves_velocities():
+    crowd = make_crowd([(0, 0), (0.3, 0.1)], [(0.5, 0), (0.5, 0)], radius=0.2, mass=[60, 90], tau=FREE)
+    walk(Nsm2(position_correction=True), crowd, 1)
+    np.testing.assert_allclose(crowd.velocity, [(0.5, 0), (0.5, 0)], rtol=0, atol=1e-12)
+    assert 0.4 - np.hypot(*(crowd.position[1] - crowd.position[0])) <= 2e-4
+
+
 @pytest.mark.parametrize("dissipation", [0.0, 1e3, 1e4, 1e5])
 def test_contact_forces_do_not_grow_with_the_dissipation(dissipation):
     """Five people in a row who press on a wall with 160 N each, touching and at rest."""
@@ -144,5 +169,5 @@ def test_the_tangential_law_acts_on_closing_contacts_only():
 
 
 def test_parts_that_a_scene_may_not_need():
-    assert [is_in for _, is_in, _ in Nsm2().parts()] == [False]
-    assert [is_in for _, is_in, _ in Nsm2(tangential_dissipation=1.0).parts()] == [True]
+    assert [is_in for _, is_in, _ in Nsm2().parts()] == [False, False]
+    assert [is_in for _, is_in, _ in Nsm2(tangential_dissipation=1.0, position_correction=True).parts()] == [True, True]

@@ -77,11 +77,11 @@ def everything():
                     "helpers": {"areas": ["west"]},
                 },
                 **{"route_choice": {"exits": ["near", "far"], "every": 0.7}},
-                **{"riding": {}, "familiarity": {"main": ["near"]}, "teacher_following": {}},
+                **{"rest": {}, "riding": {}, "familiarity": {"main": ["near"]}, "teacher_following": {}},
             },
             "directions": {"spacing": 0.2, "quickest": {"period": 0.5}},
             "people": [
-                {"name": "a", **inside, "strategy": "quickest"},
+                {"name": "a", **inside, "strategy": "quickest", "behaviours": {"rest": {"after": 1.0, "pause": 2.0}}},
                 {"name": "b", **inside, "behaviours": {"together": {"size": 2}}},
                 {"name": "c", **inside, "assembly": ["at yard"]},
                 {"name": "d", "arrive": {"rate": 2.0, "from": 0.5, "to": 5.0, "exit": "near"}},

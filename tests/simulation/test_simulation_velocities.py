@@ -25,9 +25,9 @@ def recorded(tmp_path, name, **changes):
     "changes",
     [
         model_of("dem"),
-        model_of("nsm2"),
+        model_of("nsm2") | {"contact.nsm2.position_correction": True},
     ],
-    ids=["dem", "nsm2"],
+    ids=["dem", "nsm2-corrected"],
 )
 def test_recorded_velocities_are_differences_of_recorded_positions_on_stairs_too(changes, tmp_path):
     found = recorded(tmp_path, "primary_school", **changes, **{"simulation.duration": 16.0, "output.every": 0.1})
@@ -90,12 +90,14 @@ def test_contacts_that_chatter_have_a_warning():
 
 
 @pytest.mark.parametrize("dissipation", [0.0, 200.0])
-def test_nobody_walks_in_place(dissipation):
-    velocity, speed, simulation = velocities_in_a_jam(
-        model_of("nsm2") | {"contact.nsm2.normal_dissipation": dissipation}
-    )
+@pytest.mark.parametrize("correction", [False, True])
+def test_nobody_walks_in_place(dissipation, correction):
+    """Corrections undo no steps: with or without them velocities are those that people move with."""
+    changes = {"contact.nsm2.normal_dissipation": dissipation, "contact.nsm2.position_correction": correction}
+    velocity, speed, simulation = velocities_in_a_jam(model_of("nsm2") | changes)
     assert velocity < 1.25 * speed
     assert simulation.watch.observations().get("chatter") is None
+    assert (simulation.results().report["position_corrections"] > 0) == correction
 
 
 def test_constrained_positions_do_not_chatter():

@@ -397,11 +397,14 @@ def keep_percussions(contacts, kept):
 
 
 @inner
-def keep_only_meeting(world, bodies, contacts, h):
-    """Drop the contacts that stay open within the step at the free velocity, those with D + h G.V > 0."""
+def keep_only_meeting(world, bodies, contacts, h, margin):
+    """Drop the contacts whose gap stays above `margin` [m] within the step at the free velocity.
+
+    These are the contacts with D + h G.V > `margin`, which is 0 in the paper.
+    """
     used = 0
     for c in range(contacts.number):
-        if contacts.gap[c] + h * normal_velocity(bodies.free, contacts, c) <= world.rounding:
+        if contacts.gap[c] + h * normal_velocity(bodies.free, contacts, c) <= margin + world.rounding:
             if used != c:
                 copy_contact(contacts, c, contacts, used)
             used += 1

@@ -80,7 +80,7 @@ def _law_along_normal(pair: Entry) -> Callable[[State, PairLaw, float], int]:
                 if deepest < 0.0 and _is_coarse(h, rise, contacts.omega[c]):
                     bodies.failed = contacts.body[c]
                     return TOO_STIFF
-            keep_only_meeting(state.world, bodies, contacts, 0.0)
+            keep_only_meeting(state.world, bodies, contacts, 0.0, 0.0)
         use_free_velocity(state)
         for i in range(bodies.inside):
             own.square[i] = 0.0
@@ -119,7 +119,7 @@ def _law_with_friction(pair: Entry) -> Callable[[State, PairLaw, float], int]:
                 if deepest < 0.0 and _is_coarse(h, beyond - force, contacts.omega[c]):
                     bodies.failed = contacts.body[c]
                     return TOO_STIFF
-            keep_only_meeting(state.world, bodies, contacts, 0.0)
+            keep_only_meeting(state.world, bodies, contacts, 0.0, 0.0)
         use_free_velocity(state)
         for i in range(bodies.inside):
             own.square[i] = 0.0
