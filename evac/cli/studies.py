@@ -4,6 +4,7 @@ import argparse
 import math
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,8 @@ def declare_repeat(parser: argparse.ArgumentParser) -> None:
     _declare_study(parser)
     step = "make all runs with half the time step as well, and show the difference"
     parser.add_argument("--check-step", action="store_true", help=step)
+    replay = "repeat the median and the worst run, and write replay-median.html and replay-worst.html"
+    parser.add_argument("--replay", action="store_true", help=replay)
 
 
 def execute_repeat(arguments: argparse.Namespace) -> int:
@@ -51,32 +54,39 @@ def execute_repeat(arguments: argparse.Namespace) -> int:
 
 def declare_sweep(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac sweep`."""
-    parser.add_argument("case", metavar="CASE", help="a case.toml, a folder that contains one, or a shipped case")
+    case = "a case.toml, a folder that contains one, or a shipped case; not needed if the table names cases"
+    parser.add_argument("case", metavar="CASE", nargs="?", help=case)
     inputs.declare_set(
         parser, "values of keys, such as people.people.number=100,200,300 simulation.step=0.005,0.01", "KEY=VALUES"
     )
+    table = "one point per row: CSV with dotted keys as header; `case` names a case"
+    parser.add_argument("--table", type=Path, metavar="FILE", help=table)
     parser.add_argument("--seed", type=int, metavar="N", help="seed of the first run of each point (simulation.seed)")
     inputs.declare_plugin(parser)
     _declare_study(parser)
+    parser.set_defaults(replay=False)
 
 
 def execute_sweep(arguments: argparse.Namespace) -> int:
-    """Run a case with many seeds for each combination of parameters.
+    """Run a case with many seeds for each combination of parameters, or for each row of a table.
 
     --set KEY=VALUE,VALUE,... varies a key; a single value sets it for all points. All points use the same seeds, so
     that they differ only in their parameters. The files of `evac repeat`, for each point, and statistics.png are
     written to ./CASE-sweep, or to --out.
     """
-    from evac.case.loading import load_case
-    from evac.study.points import grid
+    from evac.study.points import from_rows, grid
 
     parameters, fixed = swept(arguments.set)
     if arguments.seed is not None:
         fixed.append(f"simulation.seed={arguments.seed}")
-    if not parameters:
-        raise ScenarioError("no key has several values: give them (--set KEY=V1,V2), or use evac repeat")
-    case = inputs.with_plugin_files(load_case(arguments.case, fixed, arguments.plugins))
-    return run_study(arguments, grid(case, parameters), inputs.default_folder(case, "sweep"))
+    case = _case_of_sweep(arguments, fixed)
+    if arguments.table is not None:
+        rows, place = _rows_of_table(arguments, parameters, fixed), arguments.table.parent
+        points = from_rows(case, rows, place, run_files=partial(_with_files_beside, place))
+    else:
+        assert case is not None
+        points = grid(case, parameters)
+    return run_study(arguments, points, inputs.default_folder(case or points[0].case, "sweep"))
 
 
 def _declare_study(parser: argparse.ArgumentParser) -> None:
@@ -93,6 +103,8 @@ def _declare_study(parser: argparse.ArgumentParser) -> None:
     number("least", "with --until: the smallest number of runs (default: 20, more for outer percentiles)")
     number("most", "with --until: the greatest number of runs (default: 1000)")
     number("repetitions", "number of runs of each population, with different start positions (default: 1)")
+    imo = "100 populations with 5 repetitions each, as in IMO MSC.1/Circ.1533"
+    parser.add_argument("--imo", action="store_true", help=imo)
     number("jobs", "number of processes (default: one for each core)")
     dask = "address or file of a Dask scheduler whose workers execute the runs"
     parser.add_argument("--dask", metavar="ADDRESS", help=dask)
@@ -106,8 +118,14 @@ def run_study(arguments: argparse.Namespace, points: "Sequence[Point]", folder: 
     """Run and show the study of some points; return 2 if runs failed, else 3 if people are left in any run, else 0."""
     from evac.study.api import execute_study
     from evac.study.execute import dask_executor
+    from evac.study.statistics import IMO_POPULATIONS, IMO_REPETITIONS
     from evac.study.stopping import rule_of
 
+    if arguments.imo:
+        if arguments.runs is not None or arguments.repetitions is not None:
+            raise ScenarioError("--imo sets --runs and --repetitions; remove these or --imo")
+        arguments.repetitions = IMO_REPETITIONS
+        arguments.runs = None if arguments.until is not None else IMO_POPULATIONS * IMO_REPETITIONS
     arguments.repetitions = arguments.repetitions or 1
     numbers = {
         name: getattr(arguments, name) for name in ("runs", "until", "statistic", "least", "most", "repetitions")
@@ -130,6 +148,7 @@ def run_study(arguments: argparse.Namespace, points: "Sequence[Point]", folder: 
             resume=arguments.resume,
             maps=arguments.maps,
             progress=shown_progress(display),
+            replay=arguments.replay,
         )
     return show_study(study)
 
@@ -266,3 +285,47 @@ def swept(overrides: "Sequence[str]") -> tuple[dict[str, list[Any]], list[str]]:
         except (ValueError, IndexError) as error:
             raise ScenarioError(f"--set {text}: not a list of values: {error or 'a value is empty'}") from error
     return several, fixed
+
+
+def _case_of_sweep(arguments: argparse.Namespace, fixed: list[str]) -> "Case | None":
+    """Return the case of the sweep; None if the table names all cases."""
+    from evac.case.loading import load_case
+
+    if arguments.case is None and arguments.table is None:
+        raise ScenarioError("name a case, or a table of cases (--table)")
+    if arguments.table is None and not any("," in text for text in arguments.set):
+        raise ScenarioError("no key has several values: give them (--set KEY=V1,V2), or use evac repeat")
+    if arguments.case is None:
+        return None
+    return inputs.with_plugin_files(load_case(arguments.case, fixed, arguments.plugins))
+
+
+def _with_files_beside(folder: Path, case: "Case") -> "Case":
+    """Execute the plugin files of a case that a table in a folder names; both must lie there."""
+    from evac.case.loading import is_inside
+
+    if case.unloaded_files and not is_inside(case.source, folder):
+        raise ScenarioError(
+            f"{case.source}: has plugin files, and is named by a table in another folder; move the table beside the "
+            "folder of the case, or sweep the case itself"
+        )
+    return inputs.with_plugin_files(case)
+
+
+def _rows_of_table(
+    arguments: argparse.Namespace, parameters: dict[str, list[Any]], fixed: list[str]
+) -> list[dict[str, Any]]:
+    """Return the rows of the table, each repeated for all combinations of the swept values."""
+    import itertools
+
+    from evac.case.overrides import parsed
+    from evac.study.points import check_number, read_table
+
+    rows = read_table(arguments.table)
+    check_number(len(rows) * math.prod(map(len, parameters.values())))
+    single = {} if arguments.case is not None else dict(parsed(fixed)[0])
+    return [
+        {**single, **row, **dict(zip(parameters, values, strict=True))}
+        for row in rows
+        for values in itertools.product(*parameters.values())
+    ]

@@ -44,6 +44,8 @@ STUDY_NAME = "study.json"
 BUILDINGS_NAME = "buildings.json"
 CHECKPOINT_NAME = "checkpoint.evac"
 REPLAY_NAME = "replay.html"
+MEDIAN_REPLAY_NAME = "replay-median.html"
+WORST_REPLAY_NAME = "replay-worst.html"
 ANIMATION_NAME = "animation.pvd"
 BUILDING_NAME = "building.vtm"
 

@@ -45,6 +45,23 @@ FLOW_LABELS = "labels: people who passed the line, and people per second and met
 FORMATS = (".png", ".svg", ".pdf", ".jpg", ".jpeg")  #: The formats that a picture of a map can have.
 
 
+def draw_map(
+    trajectory: Trajectory,
+    quantity: str,
+    maps: Mapping[str, LevelMaps] | None = None,
+    levels: Sequence[str | int] | None = None,
+    dpi: int = 120,
+    service: str = "",
+) -> Figure:
+    """Draw the map of one quantity on the plans of the storeys, with links as they are at the end of its time.
+
+    The title names what changed during this time, without the rides of lifts.
+
+    >>> draw_map(evac.read_trajectory("school-result"), "density").savefig("density.png")  # doctest: +SKIP
+    """
+    return next(draw_maps(trajectory, [quantity], maps, levels, dpi, service))
+
+
 def draw_maps(
     trajectory: Trajectory,
     quantities: Iterable[str],
@@ -58,12 +75,9 @@ def draw_maps(
 ) -> Iterator[Figure]:
     """Draw the maps of several quantities on the same plans, one after the other.
 
-    Links are drawn as they are at the end of the time of the maps; the title names what changed during it, without the
-    rides of lifts. `flows`: passages through lines, for the map of the flow; by default those of the results beside the
-    trajectory; `greatest`: greatest width and height of all plans together [inches]; `has_title`: without a title, what
-    it says has to be said beside the picture.
-
-    >>> next(draw_maps(evac.read_trajectory("school-result"), ["density"])).savefig("density.png")  # doctest: +SKIP
+    `trajectory`, `maps`, `levels`, `dpi`, `service`: as for `draw_map`; `flows`: passages through lines, for the map of
+    the flow; by default those of the results beside the trajectory; `greatest`: greatest width and height of all plans
+    together [inches]; `has_title`: without a title, what it says has to be said beside the picture.
     """
     if maps is None:
         maps = level_maps(trajectory, levels)
@@ -114,7 +128,7 @@ def draw_cut(
     """Draw the map of one quantity around a place, on the plan of its storey.
 
     `box`: left, bottom, width and height of the square plan with its colour bar, as fractions of the figure;
-    `trajectory`, `quantity`, `maps`: as for `draw_maps`; colours are the same for all places of the run; `middle` [m];
+    `trajectory`, `quantity`, `maps`: as for `draw_map`; colours are the same for all places of the run; `middle` [m];
     `reach` [m]: distance from the middle to the edges.
     """
     left, bottom, width, height = box

@@ -42,7 +42,7 @@ from evac.results.tables import HYDRAULIC, TABLES
 from evac.study.maps import maps_over_runs
 from evac.study.outputs import egress, hold_up_of, parameter_keys, people_at, points_table, quality_of, statistics_table
 from evac.study.statistics import MEDIAN, Estimate, estimate
-from evac.study.study import Study, read_study
+from evac.study.study import Study
 
 #: Percentiles over runs of what exits have [%].
 PERCENTILES = (5, 50, 95)
@@ -79,7 +79,7 @@ def is_study(folder: Path) -> bool:
 
 def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK, places: Places = USUAL) -> str:
     """Return the report of a study as a page of HTML."""
-    study = read_study(folder)
+    study = Study.read(folder)
     data = read_json(folder / SUMMARY_NAME)
     summary = checked(StudySummary, data, folder / SUMMARY_NAME)
     members = [read_results(path) for path in runs]

@@ -179,7 +179,7 @@ def versions() -> Mapping[str, str]:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """The results of a run, as `evac.run` returns them or `evac.read_results` reads them from a result folder.
+    """The results of a run, as `evac.run` returns them or `Results.read` reads them from a result folder.
 
     Every key of summary.json (docs/summary.md) is declared here once: it is a field, or a `Derived` value that follows
     from others. Fields marked `Unwritten` are not in that file.
@@ -309,6 +309,13 @@ class Results:
     recorded: Unwritten[Recorded | None] = field(default=None, repr=False)  # the trajectory of a run without a folder
     noticed: Unwritten[Sequence[str]] = ()  # quality warnings but for those of flows and queues
     advised: Unwritten[Sequence[str] | None] = None  # behaviours that would keep distances, if none does
+
+    @classmethod
+    def read(cls, folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> "Results":
+        """Read the results of a run from its folder; the short form is `evac.read_results`, which explains it."""
+        from evac.results.reading import read_results
+
+        return read_results(folder, plugin_files)
 
     @property
     def case(self) -> "Case":

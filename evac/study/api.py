@@ -20,7 +20,7 @@ from evac.jit.loading import cores
 from evac.simulation.shared import simulation_of
 from evac.study import points
 from evac.study.execute import warn_alone
-from evac.study.outputs import quality_of, remarks_of, write_outputs
+from evac.study.outputs import quality_of, remarks_of, write_outputs, write_replays
 from evac.study.points import Point, Seeds
 from evac.study.stopping import MOST_OF_STUDY, rule_of
 from evac.study.study import Study, StudyProgress
@@ -157,8 +157,10 @@ def sweep(
     check_types(parameters=(parameters, Mapping | Sequence))
     case = run_plugin_files(as_case(case))
     if isinstance(parameters, Mapping):
-        return _warned(points.grid(case, parameters), runs, options)
-    return _warned(points.chosen(case, parameters), runs, options)
+        chosen = points.grid(case, parameters)
+    else:
+        chosen = points.from_rows(case, parameters, Path.cwd(), case.registry)
+    return _warned(chosen, runs, options)
 
 
 def execute_study(
@@ -176,6 +178,7 @@ def execute_study(
     resume: bool = False,
     maps: bool = False,
     progress: Callable[[StudyProgress], None] | None = None,
+    replay: bool = False,
 ) -> Study:
     """Run the study of some points, and write its outputs if it has a folder; arguments as for `repeat`."""
     check_types(runs=(runs, Integral | None), until=(until, Real | None), statistic=(statistic, str))
@@ -201,6 +204,8 @@ def execute_study(
         study = Study.begun(chosen, seeds, rule, place.running, resume, maps)
         study.execute(workers, executor, progress)
         write_outputs(study)
+        if replay:
+            write_replays(study)
         study.move(place.publish())
     return study
 

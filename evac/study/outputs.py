@@ -5,18 +5,21 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from evac.analysis.queues import is_little
 from evac.base.arrays import FloatArray
+from evac.base.defaults import LONGEST_NAME
 from evac.base.errors import counted, in_order
 from evac.folder import files
 from evac.folder.textfiles import plain, write_csv, write_json
 from evac.results.results import versions
 from evac.results.tables import AT, WAITED
 from evac.simulation.assembly import providers
+from evac.simulation.simulation import Simulation
 from evac.study.points import STEP
 from evac.study.statistics import PERCENTILES, estimate, percentile_name, time_text
 
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
 MOST_TIMES = 2000
 
 MOST_CURVES = 8  #: Greatest number of points whose egress curves are drawn in one figure.
+COUNTED = ("run", "last_out", "out")  #: Columns by which runs are ranked for replays.
 
 #: Maximum number of kinds of quality warnings and of seeds that are named in remarks.
 MOST_WARNINGS = 10
@@ -39,7 +43,7 @@ RUN_COLUMNS = ("ended", "blocked", "time", "people", "out", "last_out")
 
 
 def write_outputs(study: "Study") -> None:
-    """Write all outputs of a study to its folder, besides its rows."""
+    """Write all outputs of a study to its folder, besides its rows and replays."""
     folder = study.folder
     with files.writing("the results", folder):
         write_runs(study, folder / files.RUNS_NAME)
@@ -53,6 +57,26 @@ def write_outputs(study: "Study") -> None:
             name = files.EGRESS_PICTURE_NAME if len(study.points) == 1 else files.SWEEP_PICTURE_NAME
             save(figure_of(study, egress_curves[0]), folder / name)
         write_json(folder / files.SUMMARY_NAME, plain(summary(study)), "the results")
+
+
+def write_replays(study: "Study") -> None:
+    """Repeat the median and the worst run of a study of one point, and write their replays.
+
+    Runs are ranked by evacuation time; blocked runs are the worst, in the order of the number of people out. For an
+    even number the lower median is used; for a single run only the median is written.
+    """
+    order = sorted((row["last_out"] or math.inf, -row["out"], row["run"]) for row in study.rows(0, COUNTED))
+    ranked = [run for _, _, run in order]
+    chosen = {files.MEDIAN_REPLAY_NAME: ranked[(len(ranked) - 1) // 2], files.WORST_REPLAY_NAME: ranked[-1]}
+    for name, run in list(chosen.items())[: len(ranked)]:
+        case, rank = study.case_of(0, run), "Worst" if name == files.WORST_REPLAY_NAME else "Median"
+        title = f"{rank} of {counted(len(ranked), 'run')}, seed {case.simulation.seed}: {case.title}"[:LONGEST_NAME]
+        changes = {"output.replay": True, "output.animation": False, "output.trajectory": True, "title": title}
+        case = case.change(changes)
+        with files.writing("the replays", study.folder), TemporaryDirectory(dir=study.folder) as place:
+            Simulation(case, Path(place)).run()
+            files.note_written([study.folder / name])
+            (Path(place) / files.REPLAY_NAME).replace(study.folder / name)
 
 
 def summary(study: "Study") -> dict[str, Any]:

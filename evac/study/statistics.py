@@ -40,6 +40,8 @@ SKEWED = 2.0  #: Skewness of complete runs above which the median is recommended
 
 MEDIAN = "percentile 50"
 
+IMO_POPULATIONS, IMO_REPETITIONS = 100, 5  #: The scheme of the IMO.
+
 
 @dataclass(frozen=True)
 class Estimate:

@@ -291,12 +291,14 @@ def key_of(case: Case) -> str:
 
 
 def definition_of(points: Sequence[Point], rule: Rule) -> dict[str, Any]:
-    """Return what opens a study again, in addition to its identity: its case, and the rule for the number of runs."""
-    base = points[0].base
-    case = base() if callable(base) else base
+    """Return what opens a study again, in addition to its identity: its cases, and the rule for the number of runs."""
+    bases = {id(point.base): point.base for point in points}
+    numbers = {key: number for number, key in enumerate(bases)}
+    cases = [base() if callable(base) else base for base in bases.values()]
     return {
         "rule": asdict(rule),
-        "case": {"table": case.table, "source": str(case.source), "plugin_files": _files(case)},
+        "cases": [{"table": case.table, "source": str(case.source), "plugin_files": _files(case)} for case in cases],
+        "case_of_point": [numbers[id(point.base)] for point in points],
     }
 
 

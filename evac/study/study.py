@@ -72,6 +72,11 @@ class Study:
         self._there = list(self._wanted)
 
     @classmethod
+    def read(cls, folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> "Study":
+        """Open a study from its folder; the short form is `evac.read_study`, which explains it."""
+        return read_study(folder, plugin_files)
+
+    @classmethod
     def begun(
         cls,
         points: Sequence[Point],
@@ -376,9 +381,12 @@ def read_study(folder: str | Path, plugin_files: Iterable[str | Path] = ()) -> S
     store.check_rows(place)
     files = tuple(Path(path).resolve() for path in plugin_files)
     try:
-        own = definition["case"]
-        base = cache(partial(recorded_case, place, own["table"], own["source"], own["plugin_files"], files))
-        points = [Point(k, base, parameters) for k, parameters in enumerate(identity["parameters"])]
+        bases = [
+            cache(partial(recorded_case, place, table["table"], table["source"], table["plugin_files"], files))
+            for table in definition["cases"]
+        ]
+        places = zip(definition["case_of_point"], identity["parameters"], strict=True)
+        points = [Point(k, bases[number], parameters) for k, (number, parameters) in enumerate(places)]
         seeds = Seeds(identity["first_seed"], identity["repetitions"])
         return Study(points, seeds, Rule(**definition["rule"]), place)
     except (LookupError, TypeError, ValueError, AttributeError) as error:

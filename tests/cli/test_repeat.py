@@ -25,6 +25,15 @@ def test_repeat_runs_seeds_and_says_how_certain_the_result_is(evac, tmp_path, ca
     assert ["percentile 50", f"{median['value']:.2f}", "-", f"3 runs; {note}"] in lines
 
 
+def test_repetitions_of_populations(evac, tmp_path, capsys):
+    few = ("people.people.number=4", "output.picture=false")
+    assert evac("repeat", "square_room", "--runs", "4", "--repetitions", "2", "--jobs", "1", "--set", *few) == 0
+    assert "populations" in capsys.readouterr().out
+    with (tmp_path / "square_room-runs" / "runs.csv").open() as file:
+        assert [row["population_seed"] for row in csv.DictReader(file)] == ["1", "1", "2", "2"]
+    assert evac("repeat", "square_room", "--imo", "--runs", "4") == 2
+
+
 def test_half_the_step_is_shown_beside_the_interval(evac, tmp_path, capsys):
     few = ("people.people.number=1", "output.picture=false", "simulation.step=0.1")
     assert evac("repeat", "square_room", "--runs", "8", "--check-step", "--jobs", "1", "--set", *few, "--out", "r") == 0

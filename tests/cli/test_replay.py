@@ -37,3 +37,14 @@ def test_vtk_switches_the_animation_on(evac, tmp_path):
 def test_the_same_replay_is_made_again(evac, tmp_path, result):
     assert evac("replay", result, "--out", tmp_path / "page.html") == 0
     assert (tmp_path / "page.html").read_bytes() == (result / REPLAY_NAME).read_bytes()
+
+
+def test_median_and_worst_runs_are_replayed(evac, tmp_path):
+    few = ["people.people.number=4", "output.picture=false"]
+    assert evac("repeat", "square_room", "--runs", "3", "--jobs", "1", "--out", "r", "--replay", "--set", *few) == 0
+    names = {path.name for path in (tmp_path / "r").iterdir()}
+    assert {"replay-median.html", "replay-worst.html"} < names
+    assert names.isdisjoint({"trajectory.evac", "replay.html", "frames"})
+    for rank in ("median", "worst"):
+        page = (tmp_path / "r" / f"replay-{rank}.html").read_text(encoding="utf-8")
+        assert f"<title>{rank.capitalize()} of 3 runs, seed " in page

@@ -1,11 +1,13 @@
-"""evac sweep: points of the command line."""
+"""evac sweep: points of the command line and of tables."""
 
 import csv
+import shutil
 import time
 
 import pytest
 
 from evac.base.errors import ScenarioError
+from evac.case.loading import load_case
 from evac.cli.studies import swept
 
 FEW = ("--runs", "2", "--jobs", "1")
@@ -42,6 +44,55 @@ def test_a_refused_point_is_named_with_its_seed_and_the_others_are_run(evac, tmp
     assert [row["ended"] for row in rows_of(tmp_path / "r" / "runs.csv")] == ["everybody out"] * 2 + ["failed"] * 2
 
 
+PLUGIN = """
+from pathlib import Path
+from evac import Behaviour, hookimpl
+evac_interface = 3
+Path({mark!r}).touch()
+
+class Idle(Behaviour):
+    \'\'\'Does nothing.\'\'\'
+    name = "idle"
+
+    def act(self, crowd, time):
+        pass
+
+@hookimpl
+def evac_behaviours():
+    return [Idle]
+"""
+
+
+def case_with_plugin(folder):
+    folder.mkdir(parents=True)
+    (folder / "own.py").write_text(PLUGIN.format(mark=str(folder / "ran")))
+    shipped = load_case("square_room")
+    shutil.copy(shipped.mesh, folder / shipped.mesh.name)
+    (folder / "case.toml").write_text(f'{shipped.source.read_text()}\n[plugins]\nfiles = ["own.py"]\n')
+
+
+def test_plugin_files_of_a_case_in_a_table_are_announced(evac, tmp_path, capsys):
+    case_with_plugin(tmp_path / "own")
+    (tmp_path / "table.csv").write_text("case,people.people.number\nown,2\n")
+    assert evac("sweep", "--table", "table.csv", *FEW, "--out", "r", "--set", "output.picture=false") == 0
+    assert f": {tmp_path / 'own' / 'own.py'}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("how", ["relative", "link"])
+def test_a_table_runs_no_plugin_file_from_elsewhere(evac, tmp_path, capsys, how):
+    case_with_plugin(tmp_path / "elsewhere" / "own")
+    folder = tmp_path / "strangers"
+    folder.mkdir()
+    name = "../elsewhere/own"
+    if how == "link":
+        name = "link"
+        (folder / "link").symlink_to(tmp_path / "elsewhere" / "own", target_is_directory=True)
+    (folder / "table.csv").write_text(f"case,people.people.number\n{name},2\n")
+    assert evac("sweep", "--table", "strangers/table.csv", *FEW) == 2
+    assert "plugin files" in capsys.readouterr().err
+    assert not (tmp_path / "elsewhere" / "own" / "ran").exists()
+
+
 @pytest.mark.parametrize(
     ("words", "named"),
     [
@@ -49,12 +100,14 @@ def test_a_refused_point_is_named_with_its_seed_and_the_others_are_run(evac, tmp
             ("--set", *(f"people.people.{key}={','.join(map(str, range(1, 51)))}" for key in ("a", "b", "c", "d"))),
             "6250000",
         ),
+        (("--table", "table.csv", "--set", f"simulation.step={','.join(map(str, range(1, 202)))}"), "10050 points"),
         (("--runs", "1000000000", "--set", "contact.model=dem,nsm2"), "1000000000"),
         (("--runs", "1000000", "--set", "contact.model=dem,nsm2"), "2 points"),
         (("--until", "2%", "--most", "1000000000", "--set", "contact.model=dem,nsm2"), "1000000000"),
     ],
 )
-def test_sweeps_that_are_too_large_are_refused_at_once(evac, capsys, words, named):
+def test_sweeps_that_are_too_large_are_refused_at_once(evac, tmp_path, capsys, words, named):
+    (tmp_path / "table.csv").write_text("people.people.number\n" + "3\n" * 50)
     begin = time.process_time()
     assert evac("sweep", "square_room", *words) == 2
     assert time.process_time() - begin < 5.0

@@ -13,7 +13,7 @@ from evac.analysis.maps import QUANTITIES
 from evac.base.errors import ResultError
 from evac.pictures import palette
 from evac.pictures.floorplan import beside, draw_plans
-from evac.pictures.map_pictures import NEVER, draw_cut, draw_maps, write_maps
+from evac.pictures.map_pictures import NEVER, draw_cut, draw_map, draw_maps, write_maps
 from evac.trajectory.trajectory import read_trajectory
 
 
@@ -36,7 +36,7 @@ def test_every_quantity_is_drawn_on_a_plan_of_every_storey(trajectory, tmp_path)
     paths = write_maps(trajectory, maps, QUANTITIES, tmp_path)
     assert [path.name for path in paths] == [f"map_{name}.png" for name in QUANTITIES]
     assert all(np.asarray(Image.open(path)).std() > 5.0 for path in paths)
-    figure = next(draw_maps(trajectory, ["density"], maps))
+    figure = draw_map(trajectory, "density", maps)
     assert [axes.get_title(loc="left") for axes in figure.axes[:3]] == ["floor 0", "floor 1", "floor 2"]
 
 
@@ -45,14 +45,14 @@ def test_maps_that_share_their_plans_look_like_those_drawn_alone(trajectory):
     names = ["flow", "time_to_clear", "density"]
     together = [pixels(figure) for figure in draw_maps(trajectory, names, maps)]
     for name, drawn in zip(names, together, strict=True):
-        np.testing.assert_array_equal(drawn, pixels(next(draw_maps(trajectory, [name], maps))))
+        np.testing.assert_array_equal(drawn, pixels(draw_map(trajectory, name, maps)))
 
 
 def test_what_is_not_cleared_has_a_colour_of_its_own(written):
     stays = written(np.full((3, 1, 2), [5.0, 3.0]))
     leaves = written(np.full((3, 1, 2), [5.0, 3.0]), [[0], [0], [-1]])
-    assert has_colour(pixels(next(draw_maps(stays, ["time_to_clear"]))), NEVER) > 1e-4
-    assert has_colour(pixels(next(draw_maps(leaves, ["time_to_clear"]))), NEVER) == 0.0
+    assert has_colour(pixels(draw_map(stays, "time_to_clear")), NEVER) > 1e-4
+    assert has_colour(pixels(draw_map(leaves, "time_to_clear")), NEVER) == 0.0
 
 
 def test_one_level_and_the_formats(trajectory, tmp_path):
@@ -60,7 +60,7 @@ def test_one_level_and_the_formats(trajectory, tmp_path):
     (path,) = write_maps(trajectory, maps, ["speed"], tmp_path / "one.svg", ["floor 1"])
     assert path.read_text(encoding="utf-8").startswith("<?xml")
     with pytest.raises(ResultError, match="'mood'"):
-        next(draw_maps(trajectory, ["mood"], maps))
+        draw_map(trajectory, "mood", maps)
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(ResultError, match="taken"):
         write_maps(trajectory, maps, ["speed"], tmp_path / "taken" / "map.png", ["floor 1"])
@@ -80,6 +80,13 @@ def test_plans_share_one_scale_and_one_frame(building):
         width, height = figure.get_size_inches()
         wide, high = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
         assert box.width * width / wide == pytest.approx(box.height * height / high, rel=1e-6)
+
+
+def test_ticks_of_people_are_whole_numbers(written):
+    figure = draw_map(written([[[3.0, 3.0]], [[4.0, 3.0]]]), "usage")
+    ticks = [float(label.get_text()) for label in figure.axes[-1].get_yticklabels()]
+    assert len(ticks) > 1
+    assert ticks == np.round(ticks).tolist()
 
 
 @pytest.mark.parametrize("beside", [-1.0, 0.5, 9.0])

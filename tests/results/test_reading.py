@@ -73,7 +73,7 @@ def test_results_are_equal_after_writing_and_reading(stairs):
     assert same(read.moves.source, stairs.moves.source)
     assert read.case.to_dict() == stairs.case.to_dict()
     assert [level.name for level in read.building.levels] == [level.name for level in stairs.building.levels]
-    assert evac.read_results(stairs.folder).summary() == read.summary()
+    assert evac.Results.read(stairs.folder).summary() == read.summary()
 
 
 @pytest.fixture

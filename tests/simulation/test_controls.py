@@ -94,7 +94,7 @@ def test_controls_are_recorded_written_and_shown(tmp_path):
     assert trajectory.building.label_of(trajectory.building.exits[0]) == "exit (controlled)"
     assert [str(control) for control in trajectory.building.controlled.values()] == [words]
     assert trajectory.building_at(5.0).controls == frozenset()
-    assert f"open; {words}" in str(building_section(evac.read_results(tmp_path / "r")))
+    assert f"open; {words}" in str(building_section(evac.Results.read(tmp_path / "r")))
     told = ["'exit' controlled: one person in 3 s at 1 s", "'exit' without control at 5 s"]
     assert [str(change) for change in results.changes] == told
     assert results.last_out < 10.0

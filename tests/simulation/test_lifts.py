@@ -9,7 +9,7 @@ import evac
 from evac.base.errors import EvacError
 from evac.building.model.lifts import Motion
 from evac.export.vtk import export_vtk
-from evac.pictures.map_pictures import draw_maps
+from evac.pictures.map_pictures import draw_map
 from evac.pictures.palette import CAR, rgb
 from evac.pictures.render import Renderer
 from evac.replay.writer import cars_for_page, packed
@@ -446,7 +446,7 @@ def test_a_recorded_run_has_its_lifts_and_the_heights_of_people_who_ride(tmp_pat
     assert np.abs(np.diff(heights)).max() <= 0.2 * 2.0 + 0.02  # the car does not jump between storeys
 
     assert {*trajectory.maps(["s1"])} == {"s1", "lift 0 s1"}
-    figure = next(draw_maps(trajectory, ["density"], levels=["s1"]))
+    figure = draw_map(trajectory, "density", levels=["s1"])
     assert not [text for text in figure.texts if "opens at" in text.get_text()]
 
     def has_car(k, view, *levels):

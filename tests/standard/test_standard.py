@@ -8,7 +8,7 @@ import pytest
 from shapely import box
 
 from evac.base.errors import SimulationError
-from evac.results.reading import read_results
+from evac.results.results import Results
 from evac.standard import plans
 from evac.standard.crowds import STAIR_DENSITIES, STAIR_SPEEDS, speeds_on_a_stair, weidmann
 from evac.standard.trial import StandardTest, Trial, check
@@ -132,7 +132,7 @@ def test_a_test_runs_alone_and_leaves_its_folder(tmp_path):
     (test,) = find_tests(["RiMEA-1"])
     result = carry_out(test, Trial(tmp_path), 3)
     assert result.verdict == PASSED
-    results = read_results(tmp_path / "RiMEA-1" / "run-3")
+    results = Results.read(tmp_path / "RiMEA-1" / "run-3")
     assert results.keeps_distance == ["walking"]
     assert result.checks[0].values == (pytest.approx(results.crowd.exit_time[0]),)
 
@@ -176,7 +176,7 @@ def test_the_models_of_the_paper_pass_the_tests_of_people_who_walk_alone(tmp_pat
     checks = carry_out(replace(test, runs=1), paper, 1).checks
     assert [check.quantity for check in checks if not check.is_passed and "random places" not in check.quantity] == []
     if name == "RiMEA-1":
-        crowd = read_results(tmp_path / name / "run-1").crowd
+        crowd = Results.read(tmp_path / name / "run-1").crowd
         assert crowd.exit_time == pytest.approx([40.0 / 1.33 + 0.5], abs=0.006)
         assert crowd.distance == pytest.approx([40.0], abs=0.02)
 

@@ -4,7 +4,7 @@ import pytest
 
 import evac
 from evac.base.errors import ScenarioError
-from evac.study.points import Seeds, grid
+from evac.study.points import Seeds, from_rows, grid, read_table
 
 
 @pytest.fixture(scope="module")
@@ -36,3 +36,15 @@ def test_repetitions_have_the_same_people_in_other_places(case):
     assert (one.speed == again.speed).all()
     assert (one.position != again.position).any()
     assert (one.radius != other.radius).all()
+
+
+def test_a_table_of_cases(case, tmp_path):
+    path = tmp_path / "points.csv"
+    path.write_text("case,people.people.number,contact.model\nsquare_room,3,dem\nclassroom,,nsm1\n,2,\n")
+    points = from_rows(case, read_table(path), tmp_path)
+    assert [point.case.source.parent.name for point in points] == ["square_room", "classroom", "square_room"]
+    assert points[0].case.people[0].count == 3
+    assert points[1].parameters == {"case": "classroom", "contact.model": "nsm1"}
+    assert points[2].case.people[0].count == 2
+    with pytest.raises(ScenarioError, match="row 3"):
+        from_rows(None, read_table(path), tmp_path)

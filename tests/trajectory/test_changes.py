@@ -9,7 +9,7 @@ from PIL import Image, ImageColor
 import evac
 from evac.analysis.maps import level_maps
 from evac.pictures import palette
-from evac.pictures.map_pictures import draw_maps
+from evac.pictures.map_pictures import draw_map
 from evac.pictures.render import Renderer, render_animation
 from evac.report.sections import building_section
 from evac.results.ending import Stopped
@@ -128,7 +128,7 @@ def test_pictures_and_films_show_it_closed_from_then_on(trajectory, tmp_path, vi
 
 def test_maps_show_what_is_closed_at_their_end_and_say_when(trajectory):
     def words(**times):
-        figure = next(draw_maps(trajectory, ["density"], level_maps(trajectory, spacing=0.5, **times)))
+        figure = draw_map(trajectory, "density", level_maps(trajectory, spacing=0.5, **times))
         return " ".join(text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text")))
 
     assert "closed" not in words(end=1.5)
