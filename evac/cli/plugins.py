@@ -1,12 +1,17 @@
 """Commands on plugins, keys of files and compiled kernels: evac plugins, evac schema, evac cache."""
 
 import argparse
+import importlib
 import inspect
 import json
+import pkgutil
 import re
+import sys
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from evac.base.display import Display
 from evac.base.errors import EvacError, PluginError
 from evac.cli.cases import title_of
 from evac.cli.inputs import declare_plugin
@@ -14,7 +19,7 @@ from evac.cli.main import BAD_INPUT
 from evac.cli.screen import note, say, show_facts, shown
 
 if TYPE_CHECKING:
-    pass
+    from evac.jit import Entry
 
 
 #: Ends of lines within a paragraph or an item of a list of a docstring, whose formulas are indented farther.
@@ -118,6 +123,7 @@ def _show(item: dict[str, Any], plugin: Any) -> None:
 
 ACTIONS = {
     "show": "show the folder and its content (the default)",
+    "compile": "compile all kernels of evac and of its plugins that are not in the folder",
     "clear": "remove all compiled kernels from the folder",
 }
 
@@ -149,15 +155,19 @@ def declare_cache(parser: argparse.ArgumentParser) -> None:
     for name, summary in ACTIONS.items():
         action = actions.add_parser(name, help=summary, description=f"evac cache {name}: {summary}.")
         action.set_defaults(action=name)
+        if name == "compile":
+            declare_plugin(action)
 
 
 def execute_cache(arguments: argparse.Namespace) -> int:
-    """Show or clear the folder of compiled kernels.
+    """Show, fill or clear the folder of compiled kernels.
 
     Kernels are compiled when they are first needed, and kept in the user's cache folder, or in EVAC_CACHE_DIR if it is
     set.
     """
-    if arguments.action == "clear":
+    if arguments.action == "compile":
+        _compile_all(arguments.plugins)
+    elif arguments.action == "clear":
         from evac.jit.store import user_store
 
         store = user_store()
@@ -165,6 +175,16 @@ def execute_cache(arguments: argparse.Namespace) -> int:
             store.clear()
     _show_cache()
     return 0
+
+
+def _compile_all(plugins: list[str]) -> None:
+    from evac.contract.registry import Registry
+    from evac.jit.loading import addresses_of
+
+    with Display() as display:
+        display.phase("importing all modules")
+        Registry(plugins)
+        addresses_of(all_entries(), display.compiling)
 
 
 def _show_cache() -> None:
@@ -186,3 +206,16 @@ def _show_cache() -> None:
             "compiled for": host().name,
         }
     )
+
+
+def all_entries() -> "list[Entry]":
+    """Return the kernels that runs may need: those of evac except its commands, and of the imported plugins."""
+    import evac
+    from evac.jit.kernels import entries_of
+
+    for module in pkgutil.walk_packages(evac.__path__, "evac."):
+        if module.name.split(".")[1] not in ("__main__", "cli", "conformance", "evidence"):
+            importlib.import_module(module.name)
+    modules = [module for module in sys.modules.values() if isinstance(module, ModuleType)]
+    entries = [entry for module in modules for entry in entries_of(module)]
+    return sorted(dict.fromkeys(entries), key=lambda entry: entry.label)

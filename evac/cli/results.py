@@ -2,12 +2,18 @@
 
 import argparse
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from evac.base.errors import ResultError, counted
 from evac.cli import inputs
 from evac.cli.screen import STYLES, note, say, show_table, show_warnings
-from evac.folder.files import FILM_NAME, PICTURE_NAME, REPLAY_NAME, REPORT_NAME
+from evac.cli.studies import study_of
+from evac.folder.files import FILM_NAME, PICTURE_NAME, REPLAY_NAME, REPORT_NAME, SUMMARY_NAME
+
+if TYPE_CHECKING:
+    from evac.study.study import Study
 
 
 def declare_export(parser: argparse.ArgumentParser) -> None:
@@ -230,24 +236,24 @@ def execute_report(arguments: argparse.Namespace) -> int:
 
 def declare_compare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `evac compare`."""
-    parser.add_argument("designs", metavar="RESULT", nargs="+", type=Path, help="folders of runs or studies")
+    what = "folders of runs or studies; with --runs also cases, as for `evac run`"
+    parser.add_argument("designs", metavar="RESULT", nargs="+", help=what)
     parser.add_argument("--out", type=Path, metavar="FILE", help="page to write, such as compare.html")
+    what = "make so many runs of each CASE, all from the seed of the first one, into ./CASE-runs"
+    parser.add_argument("--runs", type=inputs.positive, metavar="N", help=what)
 
 
 def execute_compare(arguments: argparse.Namespace) -> int:
-    """Compare designs by runs with the same seeds: results of runs, studies, or the points of a sweep.
+    """Compare designs by runs with the same seeds: results of runs, studies, the points of a sweep, or cases.
 
+    `evac compare CASE CASE --runs N` makes the runs first, as `evac repeat` does, with maps if a page is written.
     Prints the verdict of each design, and the differences from the first design with their 95 % intervals; --out
     writes them with curves and maps of differences to one page. Each point of a sweep is a design.
     """
-    from evac.folder.resultfolder import check_result, find_result
     from evac.report.comparison import compare
     from evac.report.pages import fixed, write_page
 
-    folders = [find_result(path) for path in arguments.designs]
-    for folder in folders:
-        check_result(folder)
-    comparison = compare(*folders)
+    comparison = compare(*_designs(arguments))
     first, *others = comparison.designs
     for design in comparison.designs:
         say(f"{design.label}: {design.verdict['text']}", style=STYLES[design.verdict["status"]])
@@ -265,3 +271,23 @@ def execute_compare(arguments: argparse.Namespace) -> int:
         write_page(comparison.page(), arguments.out)
         print(arguments.out)
     return 0
+
+
+def _designs(arguments: argparse.Namespace) -> "Iterator[Path | Study]":
+    """Yield the results, and with --runs the studies of the cases, whose seeds are those of the first one."""
+    from evac.case.loading import load_case
+    from evac.folder.resultfolder import check_result, find_result
+
+    seed, folders = list[str](), set[Path]()
+    for name in arguments.designs:
+        path = find_result(Path(name))
+        if arguments.runs is None or (path / SUMMARY_NAME).is_file():
+            check_result(path)
+            yield path
+            continue
+        case = inputs.with_plugin_files(load_case(name, seed))
+        seed, folder = [f"simulation.seed={case.simulation.seed}"], inputs.default_folder(case, "runs")
+        if folder in folders:
+            folder = Path(f"{folder}-{len(folders) + 1}")
+        folders.add(folder)
+        yield study_of(case, arguments.runs, folder, bool(arguments.out))

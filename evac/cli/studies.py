@@ -153,6 +153,17 @@ def run_study(arguments: argparse.Namespace, points: "Sequence[Point]", folder: 
     return show_study(study)
 
 
+def study_of(case: "Case", runs: int, folder: Path, maps: bool) -> "Study":
+    """Make a study of a case, and show its progress."""
+    from evac.study.api import execute_study
+    from evac.study.points import single
+
+    prepare(case)
+    note(f"{case.title}: {counted(runs, 'run')}, seeds from {case.simulation.seed} on, into {folder}")
+    with Display() as display:
+        return execute_study(single(case), runs, folder=folder, maps=maps, progress=shown_progress(display))
+
+
 def prepare(case: "Case") -> None:
     """Compile missing kernels, show warnings, and keep building and directions; the study tells if a run is refused."""
     from evac.simulation.shared import simulation_of
