@@ -204,7 +204,7 @@ def test_a_forged_study_runs_no_plugin_file_that_was_not_given(case, tmp_path):
     identity, definition = read_identity(tmp_path / "r")
     (tmp_path / "evil.py").write_text(f"from pathlib import Path\nPath({str(tmp_path / 'ran')!r}).touch()\n")
     definition["cases"][0]["table"]["plugins"] = {"files": ["evil.py"]}
-    definition["case"]["source"] = str(tmp_path / "case.toml")
+    definition["cases"][0]["source"] = str(tmp_path / "case.toml")
     write_identity(tmp_path / "r", identity, definition)
     with pytest.raises(ResultError, match=r"evil\.py"):
         evac.read_study(tmp_path / "r").run_again(0, 0)
