@@ -279,7 +279,8 @@ def draw(stage: Stage, rows: Sequence[Row]) -> Any:
     for r, law in enumerate(LAWS):
         for c, kind in enumerate(KINDS):
             axis = axes[r, c]
-            here = [row for row in rows if row["law"] == law.label and row["crowd"] == kind]
+            where = stage.people, law.label, kind
+            here = [row for row in rows if (row["people"], row["law"], row["crowd"]) == where]
             for k, solver in enumerate(solvers_of(rows)):
                 for first, style in zip(STARTS, ("-", "--"), strict=True):
                     line = [row for row in here if row["solver"] == solver and row["start"] == first]
