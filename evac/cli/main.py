@@ -58,16 +58,23 @@ GARBAGE_EVERY = 50_000  #: Number of allocated containers between two garbage co
 def program() -> int:
     """Run `main` as a process of its own, which a closed pipe does not end."""
     sys.stdout, sys.stderr = output, _ = lasting(sys.stdout), lasting(sys.stderr)
+    interrupt: BaseException | None = None
     try:
         status = main()
-    except KeyboardInterrupt:  # while another one was told
-        status = INTERRUPTED_STATUS
+    except KeyboardInterrupt as error:
+        status, interrupt = INTERRUPTED_STATUS, error
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # only quick clean-up is left
+    if interrupt is not None:
+        note("evac: interrupted")
+    while interrupt is not None:  # a second one may have come while the first went up
+        for line in getattr(interrupt, "__notes__", ()):
+            note(line)
+        interrupt = interrupt.__context__
     return status or BAD_INPUT * told_loss(output)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Execute one command and return its exit status, see `EPILOG`."""
+    """Execute one command and return its exit status, see `EPILOG`; only Ctrl-C raises an error."""
     start_fast()
     use_shipped_settings()
     arguments: argparse.Namespace | None = None
@@ -82,13 +89,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             for line in [*f"evac: {error}{details}".split("\n"), *getattr(error, "__notes__", ())]:
                 note(line)
             return BAD_INPUT
-        except KeyboardInterrupt as error:
-            for line in ["evac: interrupted", *getattr(error, "__notes__", ())]:
-                note(line)
-            return INTERRUPTED_STATUS
         except BaseException as error:
-            if isinstance(error, SystemExit) and arguments is None:
-                raise  # from argparse, which has printed the help or an error about the command line
+            if isinstance(error, KeyboardInterrupt) or (isinstance(error, SystemExit) and arguments is None):
+                raise  # SystemExit is from argparse, which has printed the help or an error about the command line
             return _status_of(error)
         finally:
             shown_by.clear()

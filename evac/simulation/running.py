@@ -198,7 +198,7 @@ class Interrupt:
 
     def __init__(self, names: Iterable[str] = ("SIGINT",), announce: Callable[[int], None] | None = None) -> None:
         self.wanted = self.count = 0
-        self.may_break: Callable[[], bool] = bool  # False
+        self.may_break = False
         self._numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
         self._announce = announce
         self._before: dict[int, Any] = {}
@@ -218,7 +218,7 @@ class Interrupt:
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.wanted, self.count = number, self.count + 1
-        if self.count > 2 or (self.count == 2 and self.may_break()):
+        if self.count > 2 or (self.count == 2 and self.may_break):
             raise KeyboardInterrupt
         if self._announce is not None and self.count == 1:
             self._announce(number)
@@ -248,12 +248,16 @@ def run_into(
     """Run a simulation, write its folder, and publish it; if the run fails, the tables until then are written."""
     first = simulation.step
     failure: EvacError | KeyboardInterrupt | None = None
+
+    def let_break() -> None:
+        interrupt.may_break = True
+
     simulation.loop.operations += [
         Operation("result folder", "output", place.check),
         Operation("interrupts", "output", simulation.stop, lambda: interrupt.count > 0),
         Checkpoints(simulation, place, checkpoint).operation(),
+        Operation("end of the ticks", "output", let_break, lambda: bool(simulation.ended)),
     ]
-    interrupt.may_break = lambda: bool(simulation.ended)
     with simulation.phases.enter("output"):
         try:
             results = simulation.run(progress)
@@ -266,7 +270,7 @@ def run_into(
                 raise
             simulation.ended, failure = simulation.ended or FAILED, error
             results = simulation.results()
-        interrupt.may_break = bool  # False
+        interrupt.may_break = False
         most = 1 if results.ended == INTERRUPTED else 0  # the signal that has ended the run does not stop its outputs
         is_whole = results.ended not in (FAILED, INTERRUPTED) and not isinstance(failure, ResultError)
         try:

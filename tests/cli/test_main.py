@@ -5,6 +5,7 @@ import platform
 import subprocess
 import sys
 from importlib.metadata import version
+from unittest.mock import Mock
 
 import pytest
 
@@ -37,17 +38,35 @@ def test_wrong_words_give_status_2(capsys):
     assert "usage" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("error", "status", "message"),
-    [(SimulationError("no step"), 2, "evac: no step\n"), (KeyboardInterrupt(), 130, "evac: interrupted\n")],
-)
-def test_status_of_errors(error, status, message, monkeypatch, capsys):
-    def fail(arguments):
-        raise error
+def test_status_of_errors(monkeypatch, capsys):
+    monkeypatch.setattr("evac.cli.cases.execute_list", Mock(side_effect=SimulationError("no step")))
+    assert main(["list"]) == 2
+    assert capsys.readouterr().err == "evac: no step\n"
 
-    monkeypatch.setattr("evac.cli.cases.execute_list", fail)
-    assert main(["list"]) == status
-    assert capsys.readouterr().err == message
+
+#: A command that Ctrl-C ends, with a note, and another Ctrl-C while the first one goes up.
+TWICE = """
+import sys
+import evac.cli.cases
+from evac.cli import program
+
+def interrupted(arguments):
+    error = KeyboardInterrupt()
+    error.add_note("without egress.png")
+    try:
+        raise error
+    finally:
+        raise KeyboardInterrupt
+
+evac.cli.cases.execute_list = interrupted
+sys.argv = ["evac", "list"]
+sys.exit(program())
+"""
+
+
+def test_a_second_ctrl_c_does_not_silence_the_first():
+    process = subprocess.run([sys.executable, "-c", TWICE], capture_output=True, text=True)
+    assert (process.returncode, process.stderr) == (130, "evac: interrupted\nwithout egress.png\n")
 
 
 #: What draws, writes and converts, and parts of scipy that a quarter of a second is too much for.

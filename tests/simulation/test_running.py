@@ -20,6 +20,7 @@ from evac.analysis import lines
 from evac.base.errors import FolderWarning, PluginError
 from evac.results.ending import INTERRUPTED, Stopped
 from evac.results.results import Results
+from evac.simulation.checkpoints import write_checkpoint
 from evac.simulation.running import Interrupt, run
 from evac.simulation.simulation import Simulation
 
@@ -301,29 +302,47 @@ def test_a_second_ctrl_c_while_outputs_are_written_publishes_what_is_complete(tm
     assert "without replay.html, egress.png" in err
 
 
+@pytest.fixture
+def heeded():
+    """Have Ctrl-C raise an error, which background jobs of a shell ignore."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.parametrize(("signals", "breaks"), [(1, False), (2, False), (2, True), (3, False)])
+@pytest.mark.usefixtures("heeded")
 def test_signals_are_counted_and_the_third_or_one_that_may_break_raises(signals, breaks):
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with Interrupt() as interrupt, pytest.raises(KeyboardInterrupt) if signals == 3 or breaks else nullcontext():
-            interrupt.may_break = lambda: breaks
-            for _ in range(signals):
-                signal.raise_signal(signal.SIGINT)
-        assert (interrupt.count, interrupt.wanted) == (signals, signal.SIGINT)
-        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with Interrupt() as interrupt, pytest.raises(KeyboardInterrupt) if signals == 3 or breaks else nullcontext():
+        interrupt.may_break = breaks
+        for _ in range(signals):
+            signal.raise_signal(signal.SIGINT)
+    assert (interrupt.count, interrupt.wanted) == (signals, signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+@pytest.mark.usefixtures("heeded")
 def test_a_signal_while_outputs_are_written_leaves_out_the_rest_and_names_it(tmp_path, monkeypatch):
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     save = Mock(side_effect=lambda *_: signal.raise_signal(signal.SIGINT))
     monkeypatch.setattr("evac.pictures.writing.save", save)
-    try:
-        case = evac.load("square_room", {"simulation.duration": 0.1, "output.animation": True, "output.replay": False})
-        with pytest.raises(KeyboardInterrupt) as caught:
-            run(case, tmp_path / "r")
-    finally:
-        signal.signal(signal.SIGINT, before)
+    case = evac.load("square_room", {"simulation.duration": 0.1, "output.animation": True, "output.replay": False})
+    with pytest.raises(KeyboardInterrupt) as caught:
+        run(case, tmp_path / "r")
     assert "without egress.png, animation.pvd" in caught.value.__notes__[0]
     assert evac.read_results(tmp_path / "r").number_of_people == 20
+
+
+@pytest.mark.usefixtures("heeded")
+def test_a_second_ctrl_c_while_the_state_is_saved_leaves_out_pictures_alone(tmp_path, monkeypatch):
+    def saved(*given):
+        signal.raise_signal(signal.SIGINT)
+        return write_checkpoint(*given)
+
+    monkeypatch.setattr("evac.simulation.checkpoints.write_checkpoint", saved)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        run("square_room", tmp_path / "r", progress=lambda _: signal.raise_signal(signal.SIGINT))
+    assert caught.value.__notes__[0].endswith("without egress.png, animation.pvd")
+    results = evac.read_results(tmp_path / "r")
+    assert (results.ended, results.time) == (INTERRUPTED, results.case.simulation.tick)
+    monkeypatch.undo()
+    assert evac.resume(tmp_path / "r").ended == "everybody out"
