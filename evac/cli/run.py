@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from evac.base.display import Display
 from evac.cli import inputs
 from evac.cli.screen import STYLES, height, note, notify, say, show_facts, show_table, show_warnings, wrapped
-from evac.folder.files import ANIMATION_NAME, CHECKPOINT_NAME, REPLAY_NAME
+from evac.folder.files import ANIMATION_NAME, CHECKPOINT_NAME, REPLAY_NAME, read_manifest
 
 if TYPE_CHECKING:
     from evac.folder.resultfolder import ResultFolder
@@ -247,7 +247,8 @@ def show_results(results: "Results") -> None:
 def folder_line(folder: Path) -> str:
     """Return the line that names the result folder and the files in it that are played, shown last."""
     shown = {REPLAY_NAME: "browser", ANIMATION_NAME: "ParaView"}
-    files = [f", {name} ({where})" for name, where in shown.items() if (folder / name).is_file()]
+    written = read_manifest(folder).files
+    files = [f", {name} ({where})" for name, where in shown.items() if name in written and (folder / name).is_file()]
     return f"results in  {folder}{''.join(files)}"
 
 

@@ -3,11 +3,11 @@
 import math
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 from pathlib import Path
 
-import matplotlib
+import matplotlib.style
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axis import Axis
@@ -81,6 +81,11 @@ def _texts(artist: Artist) -> Iterator[Text]:
 def listed(names: Sequence[str]) -> list[str]:
     """Return the words that are numbers in a picture, each after its number."""
     return [f"[{number}] {name}" for number, name in enumerate(names, 1)]
+
+
+def as_shipped() -> AbstractContextManager[None]:
+    """Draw with the settings that come with matplotlib, not those of the user or of the current folder."""
+    return matplotlib.style.context("default")
 
 
 def save(figure: Figure, path: Path, what: str = "the picture") -> None:

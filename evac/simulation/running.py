@@ -316,9 +316,10 @@ def draw_pictures(results: Results, is_stopped: Callable[[], bool]) -> list[str]
     if output.picture and not is_stopped():
         with _optional(folder / EGRESS_PICTURE_NAME):
             from evac.pictures.pictures import egress_figure
-            from evac.pictures.writing import save
+            from evac.pictures.writing import as_shipped, save
 
-            save(egress_figure(results), folder / EGRESS_PICTURE_NAME)
+            with as_shipped():
+                save(egress_figure(results), folder / EGRESS_PICTURE_NAME)
     if output.animation and not is_stopped():
         with _optional(folder / ANIMATION_NAME):
             from evac.export.vtk import export_vtk

@@ -52,10 +52,11 @@ def write_outputs(study: "Study") -> None:
         egress_curves = [egress(study, point.index) for point in study.points]
         _write_egress(study, egress_curves, folder / files.EGRESS_NAME)
         if study.points[0].case.output.picture:
-            from evac.pictures.writing import save
+            from evac.pictures.writing import as_shipped, save
 
             name = files.EGRESS_PICTURE_NAME if len(study.points) == 1 else files.SWEEP_PICTURE_NAME
-            save(figure_of(study, egress_curves[0]), folder / name)
+            with as_shipped():
+                save(figure_of(study, egress_curves[0]), folder / name)
         write_json(folder / files.SUMMARY_NAME, plain(summary(study)), "the results")
 
 

@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import pytest
 
 from evac.cli.main import main
-from evac.cli.run import show_answer
+from evac.cli.run import folder_line, show_answer
 from evac.cli.screen import show_table
+from evac.folder.files import COMPLETE, mark, note_written
 from evac.results.verdict import Answer
 
 
@@ -91,3 +92,11 @@ def test_descriptions_fit_narrow_terminals(monkeypatch, words):
     else:
         assert main(words) == 0
     assert max(map(len, screen_of(screen))) <= 60
+
+
+def test_the_last_line_names_files_of_evac_alone(tmp_path):
+    mark(tmp_path, COMPLETE, "r")
+    for name in ("replay.html", "animation.pvd"):
+        (tmp_path / name).touch()
+    note_written([tmp_path / "animation.pvd"])
+    assert folder_line(tmp_path) == f"results in  {tmp_path}, animation.pvd (ParaView)"

@@ -13,6 +13,7 @@ from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
+from matplotlib import rc_context
 
 import evac
 import evac.results.results as results_module
@@ -346,3 +347,15 @@ def test_a_second_ctrl_c_while_the_state_is_saved_leaves_out_pictures_alone(tmp_
     assert (results.ended, results.time) == (INTERRUPTED, results.case.simulation.tick)
     monkeypatch.undo()
     assert evac.resume(tmp_path / "r").ended == "everybody out"
+
+
+def test_settings_of_matplotlib_do_not_steer_the_pictures_of_runs(tmp_path):
+    case = evac.load("square_room", {"simulation.duration": 0.1, "output.replay": False, "output.animation": False})
+    for name, settings in (("plain", {}), ("steered", {"savefig.dpi": 20, "font.size": 40, "axes.facecolor": "red"})):
+        with rc_context(settings):
+            run(case, tmp_path / name / "run")
+            evac.repeat(case, 2, folder=tmp_path / name / "study", workers=1)
+    pictures = [path.relative_to(tmp_path / "plain") for path in (tmp_path / "plain").rglob("*.png")]
+    assert sorted(str(picture.parent) for picture in pictures) == ["run", "study"]
+    for picture in pictures:
+        assert (tmp_path / "plain" / picture).read_bytes() == (tmp_path / "steered" / picture).read_bytes()
