@@ -176,7 +176,7 @@ class GeojsonImporter(Importer):
         rooms = [shape for _, shape in storey.rooms]
         has_walls = 2 * sum(room.dwithin(storey.outlets, indoormaps.BESIDE) for room in rooms) >= len(rooms) > 0
         spaces = storey.spaces() if has_walls else [shapely.union_all([*storey.ways, *rooms])]
-        parts = [one for space in spaces for one in shapely.get_parts(flat_parts(space.difference(solid)))]
+        parts = [one for space in spaces for one in shapely.get_parts(indoormaps.without(space, solid))]
         parts = [one for one in parts if one.area > LEAST_CABIN]
         parts = indoormaps.agreeing(parts) if has_walls else parts
         small = [one for one in parts if one.area < LEAST_ROOM and not one.dwithin(storey.outlets, indoormaps.BESIDE)]

@@ -9,8 +9,8 @@ from shapely.geometry import LineString, Point, Polygon
 
 from evac import BuildingError, import_building, read_building
 
-#: Metres to degrees near the equator.
-DEGREE = 110574.27
+#: Metres to degrees of latitude near the equator, and how much longer those of longitude are.
+DEGREE, EAST = 110574.27, 111319.49 / 110574.27
 
 
 def feature(shape, **properties):
@@ -110,6 +110,23 @@ def test_openstreetmap_with_stairs_and_doors(tmp_path, both):
     assert [(way.name, way.width) for way in building.exits] == [("0 door 2", pytest.approx(1.0))]
     assert len(building.levels) == 3
     assert ground(building, "0") == pytest.approx(30 * 4 + 60 - 6 * 1.2 - 0.5, rel=0.03)
+
+
+@pytest.mark.parametrize("less", [0.00001, 0.01])
+def test_the_wall_beside_a_stair_stays_that_leaves_slivers_of_its_stairwell(tmp_path, less):
+    features = [feature(box(0, 0, 8, 2), indoor="corridor", level="0;1"), feature(Point(0, 1), entrance="main")]
+    for level in ("0", "1"):
+        features += [
+            feature(box(0, 2, 3, 10), indoor="room", level=level),
+            feature(box(3, 2, 8, 10), indoor="room", level=level),
+            *(feature(Point(x, 2), door="yes", level=level) for x in (1.5, 5.5)),
+        ]
+    stair = LineString([(1.5, 4), (1.5, 9)])
+    features.append(feature(stair, highway="steps", level="0;1", width=str(3 - 2 * less), incline="up"))
+    (tmp_path / "a.geojson").write_text(collection(*features))
+    building = read_building(tmp_path / "a.geojson")
+    walls = 0.1 * (8 + 1.95 + 0.95) - 2 * 0.1  # along the corridor, before and behind the stair, without two doors
+    assert ground(building, "0") == pytest.approx(EAST * (8 * 10 - 3 * 5 - walls), abs=0.02)
 
 
 def test_levels_as_ranges_with_a_stair_through_all_of_them(tmp_path):

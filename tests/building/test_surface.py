@@ -81,6 +81,16 @@ def test_a_narrow_cell_of_a_floor_may_be_turned_over_by_rounding(mesh, read, y):
     assert not level.polygon.interiors
 
 
+def test_a_narrow_cell_beside_one_that_welding_collapses_is_kept(mesh, read):
+    a, b, p = (-1.924, 0.932, 0), (-1.975, -0.267, 0), (0, 0, 0)
+    q, r, s = (0.0012, 0, 0), (0.02, -0.001, 0), (0, -0.13, 0)
+    mesh.face(a, b, p).face(b, s, p).face(s, q, p).face(s, r, q).face(a, p, q).face(a, q, r)
+    mesh.face(a, (-1.924, 0.9321, 0), p)
+    (level,) = read(mesh, need_exit=False).levels
+    assert level.polygon.area == pytest.approx(shapely.Polygon([a, b, s, r]).area, abs=1e-5)
+    assert not level.polygon.interiors
+
+
 def tagged():
     floor = [(("floor:Büro", "area:a"), box(0, 0, 2, 3), 0.0), ("floor:Büro", box(2, 0, 4.1234567, 3), 0.0)]
     return SurfaceMesh.of_polygons(

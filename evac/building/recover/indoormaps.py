@@ -12,7 +12,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.building.geometry import connected_components, lines_of
+from evac.building.geometry import connected_components, flat_parts, lines_of
 from evac.building.model.findings import numbered
 from evac.building.surface.welding import welded
 
@@ -331,6 +331,14 @@ def pieces_of(one: Steps) -> tuple[list[FloatArray], list[BaseGeometry]]:
     if is_tight and np.hypot(*(corners[-1] - corners[0])) > LEAST_STEPS:  # It turns within its width.
         return pieces_of(replace(one, line=shapely.LineString(corners[[0, -1]])))
     return flights, landings
+
+
+def without(space: BaseGeometry, solid: BaseGeometry) -> BaseGeometry:
+    """Return the polygons of a space without what is solid, and without slivers between this and the sides of it."""
+    if space.intersects(solid):
+        rest = space.difference(solid).buffer(-SAME / 2, join_style="mitre")
+        space = rest.buffer(SAME / 2, join_style="mitre")
+    return flat_parts(space)
 
 
 def agreeing(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:

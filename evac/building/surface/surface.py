@@ -58,7 +58,9 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
     exit_edges |= _lower_edges(vertices, triangles, tags, walkable_angle, exit_edges)
     exit_edges = {name: edges[edges[:, 0] != edges[:, 1]] for name, edges in exit_edges.items()}
 
-    is_sliver = (least_height(vertices[triangles]) <= weld) & ~_is_fitted(vertices, triangles)
+    is_sliver = least_height(vertices[triangles]) <= weld
+    is_whole = (np.diff(triangles, axis=1) != 0).all(axis=1)  # none of its sides has collapsed
+    is_sliver[is_whole] &= ~_is_fitted(vertices, triangles[is_whole])
     if is_sliver.any():
         text = f"{_count(is_sliver)} dropped as degenerate (height below building.weld)"
         notes.append(Finding("repaired", text, place=_first_place(vertices, triangles, is_sliver)))
@@ -85,9 +87,8 @@ def clean_surface(mesh: TriangleMesh, options: SurfaceOptions) -> Surface:
             f"({x:z.2f}, {y:z.2f}, {z:z.2f}); the surface must be drawn in metres with z upwards, in cells larger than "
             f"building.weld ({weld:g} m): set building.scale or building.up"
         )
-    has_collapsed = (np.diff(triangles, axis=1) == 0).any(axis=1)
     counted = walkable | (is_sliver & ~is_obstacle)
-    before, is_sure = points[mesh.triangles[drawn[counted]]], (walkable | has_collapsed)[counted]
+    before, is_sure = points[mesh.triangles[drawn[counted]]], (walkable | ~is_whole)[counted]
     triangles, tags = triangles[walkable], _select(tags, walkable)
     triangles, owner, exit_edges = split_at_vertices(mesh.source, vertices, triangles, exit_edges, weld)
     _check_ground(mesh.source, before, is_sure, vertices[triangles], weld)
