@@ -1,12 +1,13 @@
 """Paths from outside that the system cannot look up."""
 
 import os
+from pathlib import Path
 
 import pytest
 
 import evac
 from evac.base.distributions import distribution_from
-from evac.base.errors import BuildingError, EvacError, PluginError, in_order, plugin_code, usable_path
+from evac.base.errors import BuildingError, EvacError, PluginError, in_order, place_of, plugin_code, usable_path
 
 CALLS = {
     "building": lambda path: evac.read_building(f"{path}.obj"),
@@ -64,3 +65,21 @@ def test_an_error_of_evac_in_a_plugin_keeps_the_remedy_that_it_states():
 def test_things_are_listed_in_the_order_that_people_expect():
     names = ["storey 10", "Storey 1", "10", "storey 2", "2", "storey", "b2 a10", "b2 a9", ""]
     assert in_order(names, str) == ["", "2", "10", "b2 a9", "b2 a10", "storey", "Storey 1", "storey 2", "storey 10"]
+
+
+class Stated:
+    """A class whose attributes have a place."""
+
+    first = 1
+    second: int = 2
+
+    def third(self):
+        """Return 3."""
+        return 3
+
+
+def test_the_place_of_an_attribute_is_the_line_of_the_class_that_states_it():
+    lines = Path(__file__).read_text(encoding="utf-8").splitlines()
+    for attribute, text in (("", "class Stated"), ("second", "    second: int"), ("third", "    def third")):
+        (number,) = (k for k, line in enumerate(lines, 1) if line.startswith(text))
+        assert place_of(Stated, attribute) == place_of(Stated(), attribute) == f"{__file__}, line {number}"

@@ -102,7 +102,7 @@ MISTAKES = {
     "misspelt_array": Mistake(BEHAVIOUR, "position", "positions", "reads =", "'positions'", "did you mean 'position'"),
     "no_such_route": Mistake(
         BEHAVIOUR.replace('writes = ("', 'writes = ("route", "'),
-        DO, "crowd.route[:] = 99", "def act", "wrote route 99", "must be from 0 to 0",
+        DO, "crowd.route[:] = 1", "def act", "wrote route 1", "must be from 0 to 0",
     ),
     # Forces
     "force_signature": Mistake(PAIR_FORCE, " ex, ey,", "", "@pair_force", "takes 6 arguments", "must take 8"),

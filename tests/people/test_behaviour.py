@@ -7,10 +7,13 @@ import pytest
 
 import evac
 from evac.base.errors import PluginError, ResultError, ScenarioError
+from evac.base.saved import FINITE
 from evac.conformance import check_plugin
+from evac.people.behaviour import is_legal
 from evac.results.ending import Stopped
 from evac.simulation.simulation import Simulation
 from tests.runs import run_ticks
+from tests.three_storeys import crowd_at
 
 SMOKE = """
     import numpy as np
@@ -105,6 +108,26 @@ def test_what_a_behaviour_may_not_do_with_a_field_is_told(smoky, more, words):
 def test_a_behaviour_that_changes_the_scene_and_owns_a_field_passes_the_checks(smoky):
     case = smoky()
     check_plugin(case.registry.behaviours["smoke"], case.change({"people.people.number": 4}))
+
+
+@pytest.mark.parametrize(
+    ("name", "legal", "illegal"),
+    [
+        ("route", (0, 1), (-1, 2)),
+        ("start_time", (-1.0, np.inf), (np.nan,)),
+        ("speed_factor", (0.0, FINITE), (-1e-300, np.inf, np.nan)),
+        ("speed", (0.0, FINITE), (-1e-300, np.inf, np.nan)),
+        ("extra_direction", (-FINITE, FINITE), (-np.inf, np.inf, np.nan)),
+    ],
+)
+def test_numbers_that_may_be_written_of_people_have_bounds(name, legal, illegal):
+    for values, expected in ((legal, True), (illegal, False)):
+        for value in values:
+            for last in (False, True):
+                crowd = crowd_at(np.zeros((3, 2)), np.zeros(3, np.int32))
+                assert is_legal(crowd, 2)
+                getattr(crowd, name).reshape(-1)[-1 if last else 0] = value
+                assert is_legal(crowd, 2) == expected
 
 
 def test_files_are_read_from_the_folder_of_the_case_only(smoky, tmp_path):

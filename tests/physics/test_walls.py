@@ -1,10 +1,14 @@
 """Walls: where they are cut does not matter, and nobody passes through."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from evac.base.errors import SimulationError
+from evac.building.model.building import Door
 from evac.physics.state import copy_of, make_crowd
+from evac.physics.world import set_open
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
@@ -128,3 +132,20 @@ def test_an_open_wall_is_not_there():
     crowd.position[0, 0] = -1.0
     walk(Nsm1(), crowd, 200, engine=engine)
     assert crowd.position[0, 0] == pytest.approx(-0.2, abs=2e-4)
+
+
+def test_a_closed_link_is_the_wall_at_its_own_place():
+    bounds = ((0, 0, 2, 2), (2, 0, 4, 2))
+    places = [(2, 0, 2, 2), (0, 0.5, 0, 1.5), (4, 0, 4, 1), (3, 0, 3, 1), (3, 1, 3, 2)]
+    building = make_building(bounds, [(0, 0, 2, 0)], None, [(0, 1, places[0])], [(0, places[1]), (1, places[2])])
+    doors = [Door(k, f"door {k}", 1, np.array(places[3 + k], float), 1.0) for k in range(2)]
+    world = make_engine(make_crowd([(1.0, 1.0)]), replace(building, doors=tuple(doors))).data.world
+    for link, place in enumerate(places):
+        before = world.wall_open.copy()
+        set_open(world, link, 0)
+        changed = np.flatnonzero(world.wall_open != before)
+        assert changed.size
+        for wall in np.sort(world.wall[changed].reshape(-1, 2, 2), axis=1):
+            np.testing.assert_array_equal(wall, np.sort(np.reshape(place, (2, 2)), axis=0))
+        set_open(world, link, 1)
+        np.testing.assert_array_equal(world.wall_open, before)

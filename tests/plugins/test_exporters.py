@@ -1,14 +1,17 @@
 """What exporters write, read with the programs that it is for."""
 
+import csv
 import json
 import sqlite3
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from pyarrow import parquet
 from shapely.geometry import shape
 
 from evac import Plan, read_building
+from evac.analysis.tables import MOTION_COLUMNS
 from evac.base.errors import ResultError
 from evac.contract.registry import Registry, built_in
 from evac.export.exporter import export, file_stems
@@ -74,6 +77,22 @@ def test_pedpy_takes_a_level_in_one_call(trajectory):
         trajectory.to_pedpy("grund")
     with pytest.raises(ResultError, match="nobody"):
         trajectory.to_pedpy("upper landing z=4.95")
+
+
+def test_parquet_columns_have_units_types_and_the_rows_of_csv(trajectory, tmp_path):
+    units = {name: unit for name, unit in MOTION_COLUMNS.items() if name not in ("dose", "extinction")}
+    (path,) = export(trajectory, EXPORTERS["parquet"](), tmp_path / "p")
+    table = parquet.read_table(path)
+    assert {one.name: one.metadata[b"unit"].decode() for one in table.schema} == units
+    words = {one.name for one in table.schema if str(one.type).startswith("dictionary<values=string, indices=int32")}
+    assert words == {"level", "group"}
+    (written,) = export(trajectory, EXPORTERS["csv"](), tmp_path / "c")
+    with written.open(newline="", encoding="utf-8") as file:
+        rows = [*csv.DictReader(file)]
+    assert len(rows) == table.num_rows
+    for name in units:
+        values = table[name].to_pylist()
+        assert [type(value)(row[name]) for value, row in zip(values, rows, strict=True)] == values
 
 
 def test_a_last_frame_between_two_output_times_is_left_out(trajectory, tmp_path):

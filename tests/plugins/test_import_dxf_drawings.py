@@ -11,7 +11,7 @@ import shapely
 import shapely.affinity
 
 import evac
-from evac import import_building, read_building
+from evac import BuildingError, import_building, read_building
 
 pytestmark = pytest.mark.usefixtures("unpictured")
 
@@ -262,6 +262,14 @@ def test_several_plans_of_one_drawing(tmp_path, plan, storeys):
     assert sum(areas) == pytest.approx(FLOOR * {"": 2.5, "2": 1.5, "2,1": 2.5}[plan], rel=0.02)
     lowest = min(made.building.levels, key=lambda level: level.z_min)
     assert (lowest.polygon.bounds[0] > 15.0) == plan.startswith("2")
+
+
+@pytest.mark.parametrize("plan", ["3", "1,3", "0,1", "1,1", "1,two"])
+def test_a_plan_that_is_not_in_the_drawing_is_refused(tmp_path, plan):
+    drawing = two_plans()
+    drawing.document.saveas(tmp_path / "a.dxf")
+    with pytest.raises(BuildingError, match="the drawing has 2 plans"):
+        import_building([tmp_path / "a.dxf"], tmp_path / "case", options={"plan": plan})
 
 
 def two_plans():

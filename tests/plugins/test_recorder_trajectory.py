@@ -6,10 +6,11 @@ import pytest
 from shapely.geometry import box
 
 from evac.base.change import Change
+from evac.base.saved import SavedError
 from evac.building.model.building import Building, Exit, Level
 from evac.results.results import versions
 from evac.trajectory.recorder import Recording
-from evac.trajectory.trajectory import read_trajectory, trajectory_in_memory
+from evac.trajectory.trajectory import TRAJECTORY_NAME, read_trajectory, trajectory_in_memory
 from evac_plugins.recorder_trajectory import TrajectoryRecorder
 
 CORNER = np.array([3.0e6, 5.0e6])
@@ -143,3 +144,17 @@ def test_memory_has_the_frames_and_the_header_of_the_file(simulation):
             own, other = getattr(ours, name), getattr(theirs, name)
             assert (own.dtype, own.flags.writeable) == (other.dtype, other.flags.writeable)
             np.testing.assert_array_equal(own, other)
+
+
+def test_a_state_is_that_of_a_run_with_or_without_a_file(simulation):
+    recorder = run(simulation, [0.0, 0.5])
+    state, files = recorder.state(), recorder.files()
+    assert files == {TRAJECTORY_NAME: (simulation.folder / TRAJECTORY_NAME).stat().st_size}
+    recorder.check_state(simulation, state, simulation.folder, files)
+    with pytest.raises(SavedError, match=TRAJECTORY_NAME):
+        recorder.check_state(simulation, state, simulation.folder, {})
+    recorder.finish(simulation, None)
+    simulation.case.output.trajectory = False
+    recorder.check_state(simulation, {}, simulation.folder, {})
+    with pytest.raises(SavedError, match=TRAJECTORY_NAME):
+        recorder.check_state(simulation, {}, simulation.folder, files)

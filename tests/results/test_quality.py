@@ -190,3 +190,17 @@ def test_who_is_held_up_by_people_at_a_refuge_is_told_so():
     assert line.endswith(
         "people at refuge 'niche' stand in the way: draw its area beside the ways of others, or larger"
     )
+
+
+def test_irritants_are_told_from_the_concentration_of_incapacitation_on(make_results):
+    def lines(*greatest):
+        results = make_results(exposure={"greatest_irritants": np.array([*greatest, 0.0, 0.0, 0.0])})
+        return [line for line in results.remarks if "irritants" in line]
+
+    assert lines(0.99, 0.5) == []
+    (line,) = lines(1.0, 0.5)
+    assert line.startswith("1 person in irritants")
+    assert "up to 1 times" in line
+    (line,) = lines(1.0, 2.5)
+    assert line.startswith("2 people in irritants")
+    assert "up to 2.5 times" in line

@@ -133,6 +133,8 @@ def test_people_are_called_to_the_door_of_a_car_of_a_bank_before_it_arrives():
     assert is_open.all()
     before = crowd.position[crowd.level == lobby]
     assert all(np.hypot(*(before - (10.0, y)).T).min() < 1.0 for y in (1.0, 3.0, 5.0))
+    simulation.advance_tick()
+    assert len({*crowd.passing.tolist()} - {-1}) == 3  # each car lets its own people in
     watched(simulation)
     assert sorted(simulation.lifts.trips[:, 4].tolist()) == [4.0, 6.0, 6.0]
 

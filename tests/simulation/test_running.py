@@ -7,7 +7,7 @@ import subprocess
 import sys
 import textwrap
 import time
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from functools import partial
 from pathlib import Path
 from unittest.mock import Mock
@@ -19,10 +19,11 @@ import evac
 import evac.results.results as results_module
 from evac.analysis import lines
 from evac.base.errors import FolderWarning, PluginError
+from evac.folder.resultfolder import ResultFolder
 from evac.results.ending import INTERRUPTED, Stopped
 from evac.results.results import Results
 from evac.simulation.checkpoints import write_checkpoint
-from evac.simulation.running import Interrupt, run
+from evac.simulation.running import Interrupt, run, run_into
 from evac.simulation.simulation import Simulation
 
 
@@ -192,6 +193,21 @@ def test_the_phases_of_a_run_add_up_to_its_wall_time(tmp_path, monkeypatch):
         written = json.loads((tmp_path / name / "summary.json").read_text(encoding="utf-8"))["wall_time"]
         assert written == results.phases
     assert 0.95 < max(shares) <= 1.0
+
+
+@pytest.mark.parametrize("duration", [0.5, 5.0])
+def test_whoever_shows_a_run_is_told_once_that_outputs_are_written_unless_it_failed(tmp_path, duration):
+    more = "@hookimpl\ndef evac_behaviours(): return [Late]\n"
+    late = "class Late(Behaviour):\n  name = 'late'\n  def act(self, crowd, time):\n    if time > 1.0: raise KeyError\n"
+    text = f"from evac import Behaviour, hookimpl\nevac_interface = 3\n{late}{more}"
+    case = with_plugin(tmp_path, text, {"behaviours.late": {}, "simulation.duration": duration})
+    told = []
+    with ResultFolder(tmp_path / "r") as place:
+        simulation = Simulation(case, place.running)
+        place.start()
+        with suppress(PluginError) if duration > 1.0 else nullcontext():
+            run_into(simulation, place, None, Interrupt(), None, lambda: told.append(place.path.exists()))
+    assert told == ([] if duration > 1.0 else [True])  # with what is in place already
 
 
 def test_every_file_of_a_run_is_written_once(tmp_path, monkeypatch):

@@ -11,7 +11,7 @@ from evac.base.errors import SimulationError
 from evac.results.results import Results
 from evac.standard import plans
 from evac.standard.crowds import STAIR_DENSITIES, STAIR_SPEEDS, speeds_on_a_stair, weidmann
-from evac.standard.trial import StandardTest, Trial, check
+from evac.standard.trial import Outcome, StandardTest, Trial, check
 from evac.standard.verify import (
     FAILED,
     NOT_APPLICABLE,
@@ -189,6 +189,13 @@ def test_each_seed_has_a_folder_and_an_outcome(tmp_path):
         assert one.passing_times(0, 4.0) == pytest.approx([3.0 + 0.5], abs=0.02)
         assert one.out_by("end").tolist() == [True]
         assert one.densities(0, 0, 2, 2)[0] == 0.25
+
+
+def test_passing_times_lie_between_recorded_states():
+    x = np.array([[0.0, 5.0, 3.0, 0.0], [3.0, 6.0, 5.0, 1.0], [5.0, 7.0, np.nan, 2.0]])
+    motion = SimpleNamespace(time=np.array([0.0, 1.0, 3.0]), position=np.stack([x, np.zeros_like(x)], axis=2))
+    times = Outcome(SimpleNamespace(), motion).passing_times(0, 4.0)
+    assert times == pytest.approx([2.0, np.nan, 0.5, np.nan], nan_ok=True)  # the second begins beyond the line
 
 
 def test_people_left_make_a_run_blocked(tmp_path):
