@@ -9,6 +9,7 @@ from shapely import box
 
 from evac.base.errors import SimulationError
 from evac.results.results import Results
+from evac.simulation.simulation import Simulation
 from evac.standard import plans
 from evac.standard.crowds import STAIR_DENSITIES, STAIR_SPEEDS, speeds_on_a_stair, weidmann
 from evac.standard.trial import Outcome, StandardTest, Trial, check
@@ -159,6 +160,80 @@ def test_a_run_that_cannot_go_on_fails_its_test_alone(tmp_path):
     result = carry_out(StandardTest(("RiMEA-1",), "a corridor", measure), Trial(tmp_path), 1)
     assert (result.verdict, result.error) == (FAILED, "no step")
     assert [row["met"] for row in check_rows(result)] == ["NO: error"]
+
+
+class Planned(Trial):
+    """A trial that runs nothing and raises `PlannedError` with its first case."""
+
+    def run_case(self, case, label):
+        raise PlannedError(case)
+
+
+class PlannedError(Exception):
+    """A case is ready to be run."""
+
+
+#: People, exits and ground [m2] of the first case of each test, and the least and the greatest desired speed [m/s].
+FIRST_CASES = [
+    ("RiMEA-1", 1, 1, 84, 1.33, 1.33),
+    ("RiMEA-2", 1, 2, 36, 1.33, 1.33),
+    ("RiMEA-3", 1, 2, 36, 1.33, 1.33),
+    ("RiMEA-4", 80, 1, 200, 1.21, 1.396),
+    ("RiMEA-5", 10, 1, 40, 1.33, 1.33),
+    ("RiMEA-6", 20, 1, 44, 1.029, 1.604),
+    ("RiMEA-7", 300, 1, 7200, 0.5186, 2.24),
+    ("RiMEA-8", 136, 1, 478.48, 0.75, 0.75),
+    ("RiMEA-9", 1000, 4, 600, 0.97, 1.619),
+    ("RiMEA-10", 23, 2, 187.44, 1.002, 1.603),
+    ("RiMEA-11", 1000, 2, 600, 0.97, 1.619),
+    ("RiMEA-12", 150, 1, 100.2, 0.9764, 1.61),
+    ("RiMEA-13", 100, 1, 218, 0.9956, 1.606),
+    ("RiMEA-14", 100, 1, 360, 1, 1),
+    ("RiMEA-15", 500, 1, 880, 1.34, 1.34),
+    ("RiMEA-16", 18, 1, 72, 1.174, 1.829),
+    ("IMO-1", 1, 1, 84, 1, 1),
+    ("IMO-2", 1, 2, 36, 1, 1),
+    ("IMO-3", 1, 2, 36, 1, 1),
+    ("IMO-4", 100, 1, 52.7, 0.9956, 1.606),
+    ("IMO-7", 50, 1, 1200, 1.029, 1.604),
+    ("IMO-8", 100, 2, 220, 0.9956, 1.606),
+    ("IMO-11", 150, 1, 78, 1.261, 1.339),
+    ("IMO-12", 280, 1, 200, 1.2, 1.4),
+    ("NIST-1.1", 300, 1, 1000, 1.201, 1.999),
+    ("NIST-2.1", 1, 1, 120, 1, 1),
+    ("NIST-2.2", 1, 2, 180, 1, 1),
+    ("NIST-2.4", 100, 1, 2400, 0.8484, 1.602),
+    ("NIST-2.5", 1, 1, 200, 1.25, 1.25),
+    ("NIST-2.6", 1, 1, 25, 1.898, 1.898),
+    ("NIST-2.7", 1, 1, 85.52, 1, 1),
+    ("NIST-2.9", 15, 1, 240, 0.2, 1.25),
+    ("NIST-2.10", 25, 1, 46, 0.8, 1.25),
+    ("NIST-3.2", 1, 2, 120, 1.2, 1.2),
+    ("NIST-3.3", 50, 2, 120, 1.029, 1.604),
+    ("NIST-4.1", 1, 2, 150, 1, 1),
+    ("ISO-3", 1, 2, 36, 1, 1),
+    ("ISO-12", 100, 1, 207, 0.9956, 1.606),
+    ("ISO-13", 60, 1, 120, 1, 1),
+    ("ISO-14", 15, 1, 240, 0.5, 1.25),
+    ("ISO-17", 10, 1, 125, 1.2, 1.2),
+    ("ISO-21", 1, 2, 60.7846, 1.898, 1.898),
+]
+
+
+@pytest.mark.parametrize(("name", "people", "exits", "ground", "slowest", "fastest"), FIRST_CASES)
+def test_the_first_case_of_each_test_is_that_of_its_standard(tmp_path, name, people, exits, ground, slowest, fastest):
+    (test,) = find_tests([name])
+    with pytest.raises(PlannedError) as planned:
+        list(test.measure(Planned(tmp_path)))
+    simulation = Simulation(planned.value.args[0], will_run=False)
+    building, speed = simulation.building, simulation.population.crowd.speed[:, 0]
+    assert (len(speed), len(building.exits)) == (people, exits)
+    assert sum(level.polygon.area for level in building.levels) == pytest.approx(ground)
+    assert [speed.min(), speed.max()] == pytest.approx([slowest, fastest], rel=1e-3)
+
+
+def test_every_test_that_is_run_has_its_first_case():
+    assert [name for name, *_ in FIRST_CASES] == [test.name for test in TESTS if test.measure]
 
 
 @pytest.mark.parametrize(
