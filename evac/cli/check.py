@@ -16,7 +16,7 @@ from evac.cli.inputs import case_of, case_to_run, declare_case
 from evac.cli.screen import note, show_facts, show_table, show_warnings
 from evac.contract.hooks import DEFAULT_FIRE
 from evac.folder import files
-from evac.folder.resultfolder import find_result, is_within
+from evac.folder.resultfolder import CASE_NAME, find_result, is_within
 
 if TYPE_CHECKING:
     from evac.building.model.building import Building, Exit, Level, Portal
@@ -50,10 +50,18 @@ def execute_check(arguments: argparse.Namespace) -> int:
     """
     path = Path(arguments.case)
     result = find_result(path)
-    if (result.is_dir() and files.read_manifest(result).state) or path.name == files.CHECKPOINT_NAME:
+    if is_result(result) or path.name == files.CHECKPOINT_NAME:
         return check_result(result)
     is_building = path.is_file() and (path.suffix != ".toml" or path.name.lower().endswith(PLAN))
     return _check_building(arguments, path) if is_building else _check_case(arguments, path)
+
+
+def is_result(folder: Path) -> bool:
+    """Return whether a folder is that of a run or a study, also without its manifest."""
+    names = () if (folder / CASE_NAME).exists() else (files.TRAJECTORY_NAME, files.STUDY_NAME, files.SUMMARY_NAME)
+    return folder.is_dir() and bool(
+        files.read_manifest(folder).state or any((folder / name).exists() for name in names)
+    )
 
 
 def _check_building(arguments: argparse.Namespace, path: Path) -> int:
@@ -163,32 +171,51 @@ def print_findings(path: Path, findings: "Sequence[Finding]") -> int:
 def check_result(path: Path) -> int:
     """Verify a result, a study or a checkpoint; tell which files are damaged or missing, and what can still be used."""
     folder, manifest = path if path.is_dir() else path.parent, files.read_manifest(path)
-    is_complete = manifest.state == files.COMPLETE
-    checks: dict[str, Callable[[], str]] = {}
-    for name, digest in manifest.files.items():
-        is_checked = (
-            digest and name != files.CHECKPOINT_NAME and is_within(name) and not name.startswith(files.TEMPORARY)
-        )
-        if is_checked and (is_complete or (folder / name).exists()):
-            checks[name] = partial(_check_digest, folder, name, digest)
-    if files.TRAJECTORY_NAME in manifest.files and (is_complete or (folder / files.TRAJECTORY_NAME).exists()):
-        checks[files.TRAJECTORY_NAME] = partial(_check_trajectory, folder / files.TRAJECTORY_NAME, is_complete)
+    checks = _checks_of(path, manifest) if path.is_dir() else {}
     if (folder / files.CHECKPOINT_NAME).exists() or folder != path:
         checks[files.CHECKPOINT_NAME] = partial(_check_checkpoint, folder / files.CHECKPOINT_NAME)
-    if files.STUDY_NAME in manifest.files:
-        checks["runs of the study"] = partial(_check_study, path, is_complete)
-    elif is_complete:
-        checks["files together"] = partial(_check_together, path)
     rows, is_damaged = [], False
     for name, check in checks.items():
         try:
             rows.append((name, f"whole{check()}"))
         except EvacError as error:
-            is_missing = name in manifest.files and not (folder / name).exists()
+            is_missing = name in (files.MANIFEST_NAME, *manifest.files) and not (folder / name).exists()
             rows.append((name, f"{'missing' if is_missing else 'damaged'}: {error}"))
             is_damaged = True
     show_table("Files of the result", ("file", "state"), rows)
     return 2 if is_damaged else 0
+
+
+def _checks_of(folder: Path, manifest: files.Manifest) -> dict[str, Callable[[], str]]:
+    """Return the checks of a folder by what they verify; each returns more about what is whole, or raises an error."""
+    is_complete = manifest.state == files.COMPLETE
+
+    def has(name: str) -> bool:
+        return (is_complete and name in manifest.files) or (folder / name).exists()
+
+    checks: dict[str, Callable[[], str]] = {files.MANIFEST_NAME: partial(_check_manifest, folder, manifest)}
+    for name, digest in manifest.files.items():
+        is_checked = name != files.CHECKPOINT_NAME and is_within(name) and not name.startswith(files.TEMPORARY)
+        if digest and is_checked and has(name):
+            checks[name] = partial(_check_digest, folder, name, digest)
+    if has(files.TRAJECTORY_NAME):
+        checks[files.TRAJECTORY_NAME] = partial(_check_trajectory, folder / files.TRAJECTORY_NAME, is_complete)
+    if has(files.STUDY_NAME):
+        checks["runs of the study"] = partial(_check_study, folder, is_complete)
+    elif is_complete or has(files.SUMMARY_NAME):
+        checks["files together"] = partial(_check_together, folder)
+    return checks
+
+
+def _check_manifest(folder: Path, manifest: files.Manifest) -> str:
+    """Verify that a manifest is whole, and that it does not end before the folder of a run was published."""
+    is_cut = manifest.state == files.RUNNING and folder.resolve().name == manifest.result
+    if manifest.damaged or is_cut or not manifest.state:
+        raise ResultError(
+            f"{folder / files.MANIFEST_NAME}: files that it does not list are not compared with what was written, and "
+            "evac neither removes nor replaces them; to have them listed, run the case again into another folder"
+        )
+    return ""
 
 
 def _check_digest(folder: Path, name: str, digest: str) -> str:

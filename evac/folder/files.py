@@ -167,6 +167,7 @@ class Manifest:
     files: dict[str, str] = field(default_factory=dict)  # SHA-256 of each file, or empty; names relative to the folder
     state: str = ""  # `RUNNING`, `COMPLETE`, or empty if there is no manifest
     result: str = ""  # name of the result folder to which the files belong
+    damaged: int = 0  # number of lines that are not valid
 
 
 def read_manifest(folder: Path) -> Manifest:
@@ -176,12 +177,13 @@ def read_manifest(folder: Path) -> Manifest:
     state = result = ""
     if not _table(first).items() >= FIRST.items():
         return Manifest()
-    for table in map(_table, lines):
+    tables = [_table(line) for line in lines]
+    for table in tables:
         if isinstance(name := table.get("file"), str):
             files[name] = str(table.get("sha256", ""))
         elif isinstance(table.get("is"), str):
             state, result = table["is"], str(table.get("of", ""))
-    return Manifest(files, state, result)
+    return Manifest(files, state, result, tables.count({}))
 
 
 def mark(folder: Path, state: str, result: str) -> None:

@@ -176,6 +176,21 @@ def test_a_result_is_whole_after_commands_that_add_files(result, tmp_path, capsy
     assert states(folder, capsys)[0] == 0
 
 
+@pytest.mark.parametrize("lines", [None, 0, 3, 8.5])
+def test_a_manifest_that_is_missing_or_cut_is_told_and_the_rest_is_verified(result, tmp_path, capsys, lines):
+    folder = shutil.copytree(result, tmp_path / "r")
+    path = folder / "manifest.jsonl"
+    if lines is None:
+        path.unlink()
+    else:
+        whole = path.read_bytes().splitlines(keepends=True)
+        path.write_bytes(b"".join(whole[: int(lines)]) + whole[int(lines)][: int(lines % 1.0 * 20)])
+    status, found = states(folder, capsys)
+    assert status == 2
+    assert found["manifest.jsonl"].startswith("missing" if lines is None else "damaged")
+    assert (found["trajectory.evac"], found["files together"]) == ("whole, complete up to 0.30 s", "whole")
+
+
 def test_a_trajectory_that_is_cut_between_two_frames_is_not_that_of_the_run(result, tmp_path, capsys):
     folder = shutil.copytree(result, tmp_path / "r")
     path = folder / "trajectory.evac"
