@@ -292,10 +292,17 @@ class _InPlan:
         )
 
 
-def plan_view(building: Building, size: tuple[int, int], levels: Sequence[Sequence[Level]] | None, side: float) -> View:
+def plan_view(
+    building: Building,
+    size: tuple[int, int],
+    levels: Sequence[Sequence[Level]] | None,
+    side: float,
+    numbered: list[str],
+) -> View:
     """Draw the plans of all storeys or of given levels, fitted into a size [pixels], see `draw_plans`.
 
-    `side`: width of the space at the right for a legend [inches], for a picture 10 inches wide.
+    `side`: width of the space at the right for a legend [inches], for a picture 10 inches wide; `numbered`: words that
+    are numbers in the picture, see `legible`.
     """
     plans = draw_plans(building, "", levels, side=side, has_scale_bar=False)
     inches = plans.figure.get_size_inches()
@@ -304,7 +311,8 @@ def plan_view(building: Building, size: tuple[int, int], levels: Sequence[Sequen
     plans.figure.set_size_inches(2 * np.floor(0.5 * dpi * inches) / dpi)
     plans.figure.set_dpi(dpi)
     canvas = plans.figure.canvas
-    canvas.draw()
+    with legible_figure(plans.figure, numbered):
+        canvas.draw()
     image = np.array(canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]
     corner = np.full((len(building.levels), 2), np.nan)
     scale = 1.0

@@ -321,7 +321,7 @@ class Renderer:
         if self._kind == "plan":
             from evac.pictures.floorplan import plan_view
 
-            return plan_view(building, self._size, shown, 1.6 if self._has_legend else 0.3)
+            return plan_view(building, self._size, shown, 1.6 if self._has_legend else 0.3, self.names)
         from evac.pictures.scene import LEGEND_WIDTH, MARGIN, view_of
 
         chosen = building.levels if shown is None else [level for own in shown for level in own]

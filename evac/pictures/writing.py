@@ -55,9 +55,9 @@ def legible(text: str, names: list[str]) -> str:
 
 
 @contextmanager
-def legible_figure(figure: Artist) -> Iterator[list[str]]:
+def legible_figure(figure: Artist, names: list[str] | None = None) -> Iterator[list[str]]:
     """Make the texts of a figure legible while it is drawn, see `legible`; yield the words that are numbers then."""
-    names = list[str]()
+    names = list[str]() if names is None else names
     changed = [(text, text.get_text(), legible(text.get_text(), names)) for text in _texts(figure)]
     changed = [(text, words, shown) for text, words, shown in changed if shown != words]
     for text, _, shown in changed:

@@ -12,6 +12,7 @@ from evac.base.errors import ResultError
 from evac.building.model.building import Place
 from evac.building.model.links import close_links
 from evac.pictures import palette
+from evac.pictures.floorplan import plan_view
 from evac.pictures.palette import COLOURINGS, colouring
 from evac.pictures.render import HIDDEN, Renderer, draw_people, render_animation, render_picture
 from evac.pictures.scene import MARGIN, view_of
@@ -207,3 +208,13 @@ def test_places_are_drawn_in_three_dimensions(building):
     rows, columns = np.nonzero((bare.image != lobby.image).any(axis=2))
     x, y, _ = lobby.project(np.zeros(1, np.int32), np.array([[middle.x, middle.y, 0.0]]))[0]
     assert (columns.mean(), rows.mean()) == (pytest.approx(x, abs=2.0), pytest.approx(y, abs=2.0))
+
+
+def test_names_of_storeys_that_the_font_lacks_are_numbers_in_plans(building):
+    images, numbered = [], []
+    for names in (("階段", "floor 1", "地下 2"), ("[1]", "floor 1", "[2] 2")):
+        floors = iter(names)
+        levels = [replace(one, name=next(floors)) if one.kind == "floor" else one for one in building.levels]
+        images.append(plan_view(replace(building, levels=tuple(levels)), SIZE, None, 0.3, numbered).image)
+    np.testing.assert_array_equal(*images)
+    assert numbered == ["階段", "地下"]
