@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any, TypedDict, Unpack
 
-from evac.base.errors import EvacError, PluginError, ResultError, ScenarioError, warn
+from evac.base.errors import EvacError, PluginError, ResultError, ScenarioError, counted, warn
 from evac.base.parameters import PATH, check_types, did_you_mean
 from evac.case.case import Case
 from evac.case.loading import as_case, run_plugin_files
@@ -202,7 +202,12 @@ def execute_study(
     with ResultFolder(Path(folder)) as place:
         _open_folder(place, resume)
         study = Study.begun(chosen, seeds, rule, place.running, resume, maps)
-        study.execute(workers, executor, progress)
+        try:
+            study.execute(workers, executor, progress)
+        except KeyboardInterrupt as error:
+            kept = f"{place.running} has {counted(study.stored_runs, 'run')}"
+            error.add_note(f"{kept}; --resume, or resume=True, continues the study")
+            raise
         write_outputs(study)
         if replay:
             write_replays(study)

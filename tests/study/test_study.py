@@ -25,14 +25,10 @@ def case():
     )
 
 
-class StopError(Exception):
-    pass
-
-
 def stopping_after(count):
     def progress(state):
         if state.row is not None and state.done >= count:
-            raise StopError
+            raise KeyboardInterrupt
 
     return progress
 
@@ -74,8 +70,9 @@ def test_buildings_are_made_once(case, monkeypatch):
 
 def test_a_damaged_study_goes_on_to_the_same_tables(case, tmp_path):
     whole = evac.repeat(case, 4, folder=tmp_path / "whole", workers=1)
-    with pytest.raises(StopError):
+    with pytest.raises(KeyboardInterrupt) as caught:
         evac.repeat(case, 4, folder=tmp_path / "r", workers=1, progress=stopping_after(3))
+    assert "r.running has 3 runs; --resume" in caught.value.__notes__[0]
     path, generator = tmp_path / "r.running" / RUNS_STREAM_NAME, np.random.default_rng(1)
     data = bytearray(path.read_bytes())
     data[int(generator.integers(len(data) // 2, len(data)))] ^= 4
@@ -120,7 +117,7 @@ def test_a_changed_building_or_plugin_does_not_go_on(case, tmp_path):
 
 
 def test_rows_of_a_stopped_study_are_not_overwritten(case, tmp_path):
-    with pytest.raises(StopError):
+    with pytest.raises(KeyboardInterrupt):
         evac.repeat(case, 3, folder=tmp_path / "r", workers=1, progress=stopping_after(1))
     with pytest.raises(ResultError, match="--resume"):
         evac.repeat(case, 3, folder=tmp_path / "r", workers=1)
@@ -181,7 +178,7 @@ def test_a_study_is_opened_again_from_its_folder(case, tmp_path):
 
 
 def test_an_interrupted_study_is_opened_with_the_runs_that_there_are(case, tmp_path):
-    with pytest.raises(StopError):
+    with pytest.raises(KeyboardInterrupt):
         evac.repeat(case, 6, folder=tmp_path / "r", workers=1, repetitions=2, progress=stopping_after(5))
     found = evac.read_study(tmp_path / "r.running")
     assert (found.statistics[0].runs, len(found.table())) == (4, 5)  # whole populations
@@ -300,7 +297,7 @@ def test_a_study_with_failed_runs_goes_on_and_makes_them_again(case, tmp_path):
     quick = case.change(QUICK)
     refused = refused_seeds(quick, range(5, 15))
     whole = evac.repeat(quick, 10, folder=tmp_path / "whole", workers=1)
-    with pytest.raises(StopError):
+    with pytest.raises(KeyboardInterrupt):
         evac.repeat(quick, 10, folder=tmp_path / "r", workers=1, progress=stopping_after(8))
     made, options = [], {"resume": True, "progress": lambda state: made.append(state.row)}
     again = evac.repeat(quick, 10, folder=tmp_path / "r", workers=1, **options)
