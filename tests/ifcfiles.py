@@ -1,6 +1,12 @@
-"""Small IFC files, written for tests: storeys, and bodies that are extruded or have faces of their own."""
+"""Small IFC files, written for tests and read: storeys, and bodies that are extruded or have faces of their own."""
 
 import itertools
+from concurrent.futures import Future
+
+import pytest
+
+import evac
+from evac.contract.registry import Registry, built_in
 
 HEADER = """ISO-10303-21;
 HEADER;
@@ -118,3 +124,107 @@ def steps(ifc, start, direction, z, *, width, going, riser, count):
         ]
         solids.append(ifc.extruded(corners, z + k * riser, riser))
     return solids
+
+
+REGISTRY = Registry(builtins=built_in("importer"))
+
+
+class Here:
+    """What reads products in this process; tests/building/test_products.py has the other process."""
+
+    def __init__(self, workers, first, arguments, **options):
+        first(*arguments)
+
+    def submit(self, function, *arguments):
+        answer = Future()
+        answer.set_result(function(*arguments))
+        return answer
+
+    def kill(self):
+        pass
+
+
+@pytest.fixture
+def here(monkeypatch):
+    monkeypatch.setattr("evac.base.processes.Pool", Here)
+
+
+def plan_of(path, **parameters):
+    return REGISTRY.importer_for(path)(**parameters).read(path)
+
+
+def building_of(path, **parameters):
+    return plan_of(path, **parameters).building(need_exit=False)
+
+
+def walls(ifc, z, height=3.0):
+    """Add outer walls of 0.2 m around 10 x 6 m, and one between two rooms at x = 5."""
+    boxes = [((0, 0), (10.4, 0.2)), ((0, 6.2), (10.4, 6.4)), ((0, 0.2), (0.2, 6.2)), ((10.2, 0.2), (10.4, 6.2))]
+    boxes.append(((5.1, 0.2), (5.3, 6.2)))
+    return [ifc.box("IFCWALL", f"W{k}", (*low, z), (*high, z + height)) for k, (low, high) in enumerate(boxes)]
+
+
+def house(ifc, *, storeys=1, spaces=True, hole=None):
+    """Add two rooms on each storey, a door between them, and a front door on the ground floor."""
+    for k in range(storeys):
+        z = 3.0 * k
+        ifc.storey(f"L{k}", z)
+        slab = ifc.box("IFCSLAB", "S", (0, 0, z - 0.2), (10.4, 6.4, z), predefined="FLOOR")
+        if hole and (k or storeys == 1):
+            ifc.opening((hole[0], hole[1], z - 0.3), (hole[2], hole[3], z + 0.1), wall=slab)
+        made = walls(ifc, z)
+        ifc.opening((5.1, 1, z), (5.3, 2, z + 2.1), wall=made[4], door="inner")
+        ifc.opening((2, 6.2, z + 0.9), (4, 6.4, z + 2.1), wall=made[1], window="pane")
+        if not k:
+            ifc.opening((0, 3, z), (0.2, 4.2, z + 2.1), wall=made[2], door="front")
+        if spaces:
+            ifc.space(f"{k}01", [(0.2, 0.2), (5.1, 0.2), (5.1, 6.2), (0.2, 6.2)], z)
+            ifc.space(f"{k}02", [(5.3, 0.2), (10.2, 0.2), (10.2, 6.2), (5.3, 6.2)], z)
+    return ifc
+
+
+STRAIGHT = {"width": 1.2, "going": 0.28, "riser": 3.0 / 17, "count": 16}
+
+
+STAIR_TAIL = {"IFCSTAIRFLIGHT": ",$,17,16,0.17,0.28,.STRAIGHT.", "IFCSTAIR": ",$,.STRAIGHT_RUN_STAIR."}
+
+
+def all_out(path, folder, people=20, spacing=0.2):
+    """Return whether everybody on all storeys of an imported file gets out."""
+    made = evac.import_building([path], folder / "case", people=people)
+    assert made.fault == ""
+    results = evac.run(evac.load(made.folder, {"directions.spacing": spacing}), progress=False)
+    return results.evacuated == people and len({room.level for room in made.rooms}) > 1
+
+
+def u_shaped(ifc, kind="IFCSTAIR", landing="own"):
+    """Add a stair of two flights of eight treads and a half landing, in one body or with a slab."""
+    options = {"width": 1.2, "going": 0.28, "riser": 3.0 / 18, "count": 8}
+    first = steps(ifc, (6.5, 1.2), (1, 0), 0.0, **options)
+    second = steps(ifc, (6.5 + 8 * 0.28, 2.5), (-1, 0), 1.5, **options)
+    low = (6.5 + 8 * 0.28, 0.6)
+    outline = [low, (low[0] + 1.2, 0.6), (low[0] + 1.2, 3.1), (low[0], 3.1)]
+    if landing == "own":
+        ifc.body(kind, "U", *first, *second, ifc.extruded(outline, 1.4, 0.1), tail=STAIR_TAIL[kind])
+    else:
+        ifc.body("IFCSTAIRFLIGHT", "first", *first, tail=STAIR_TAIL["IFCSTAIRFLIGHT"])
+        ifc.body("IFCSTAIRFLIGHT", "second", *second, tail=STAIR_TAIL["IFCSTAIRFLIGHT"])
+        ifc.body("IFCSLAB", "half", ifc.extruded(outline, 1.4, 0.1), predefined=landing)
+    return ifc
+
+
+U_HOLE = (6.5, 0.6, 9.95, 3.1)
+
+
+def slabs(ifc, hole):
+    for k in range(2):
+        ifc.storey(f"L{k}", 3.0 * k)
+        slab = ifc.box("IFCSLAB", "S", (0, 0, 3 * k - 0.2), (12, 8, 3 * k), predefined="FLOOR")
+    ifc.opening((*hole[:2], 2.7), (*hole[2:], 3.1), wall=slab)
+    return ifc
+
+
+def told_by(path, *kinds, **parameters):
+    plan = plan_of(path, **parameters)
+    plan.building(need_exit=False)
+    return [(one.level, one.place, one.text) for one in plan.findings if one.kind in kinds]
