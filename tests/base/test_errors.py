@@ -1,8 +1,11 @@
 """Paths from outside that the system cannot look up."""
 
+import io
 import os
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import evac
@@ -83,3 +86,43 @@ def test_the_place_of_an_attribute_is_the_line_of_the_class_that_states_it():
     for attribute, text in (("", "class Stated"), ("second", "    second: int"), ("third", "    def third")):
         (number,) = (k for k, line in enumerate(lines, 1) if line.startswith(text))
         assert place_of(Stated, attribute) == place_of(Stated(), attribute) == f"{__file__}, line {number}"
+
+
+def raising(error):
+    with plugin_code("odd", Stated):
+        raise error
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (
+            ValueError("oops"),
+            r"^odd: ValueError: oops \(.*test_errors\.py, line \d+\); correct the plugin, or remove it; check",
+        ),
+        (SystemExit(3), r"^odd: SystemExit: 3.*; let the plugin raise an exception instead, or remove it; check"),
+        (SyntaxError("no", ("there.py", 7, 1, "x")), r"^odd: SyntaxError: no \(there\.py, line 7\)"),
+        (ValueError("assignment destination is read-only"), r"read-only \(.*\); correct the plugin"),
+    ],
+)
+def test_an_exception_of_a_plugin_is_an_error_with_its_place(error, words):
+    with pytest.raises(PluginError, match=words) as caught:
+        raising(error)
+    assert caught.value.__cause__ is error
+    for passes in (KeyboardInterrupt(), PluginError("told")):
+        with pytest.raises(type(passes)) as caught:
+            raising(passes)
+        assert caught.value is passes
+
+
+def test_a_plugin_that_writes_what_it_may_only_read_is_told_what_to_do():
+    with pytest.raises(PluginError, match=r"read-only.*; copy it; check"), plugin_code("odd", Stated, "copy it"):
+        np.broadcast_to(0.0, 3)[0] = 1.0
+
+
+def test_streams_that_a_plugin_replaces_are_restored(monkeypatch):
+    for name in ("stdout", "stderr"):
+        before = getattr(sys, name)
+        with pytest.raises(PluginError, match=r"replaces sys\.stdout or sys\.stderr"), plugin_code("odd", Stated):
+            setattr(sys, name, io.StringIO())
+        assert getattr(sys, name) is before
