@@ -167,3 +167,15 @@ def test_a_recorder_only_reads_and_its_files_stay(simulation):
     (simulation.folder / "lines.txt").unlink()
     with pytest.raises(ResultError, match=r"lines\.txt"):
         recording.record(simulation)
+
+
+def test_files_are_checked_at_the_end_of_a_run_that_started_and_went_well(simulation):
+    recorder = Lines()
+    recorder.number = 5  # of which there is no file
+    Recording([recorder], simulation.folder).finish(simulation, REGISTRY, None, None)
+    recording, error = started(simulation), ResultError("first")
+    (simulation.folder / "lines.txt").unlink()
+    recording.finish(simulation, REGISTRY, None, error)
+    assert not hasattr(error, "__notes__")
+    with pytest.raises(ResultError, match=r"lines\.txt"):
+        recording.finish(simulation, REGISTRY, None, None)
