@@ -8,6 +8,9 @@ import pytest
 import shapely
 
 import evac
+from evac.base.change import Change
+from evac.base.errors import ScenarioError
+from evac.building.model.links import changed
 from evac.directions.build import build_fields
 from evac.directions.lengths import slowness_of
 from evac.directions.march import marching
@@ -278,3 +281,103 @@ def test_time_on_an_escalator_is_that_of_people_who_stand_unless_speeds_are_not_
     expected[flights] = 1.0 / 0.5
     np.testing.assert_allclose(slowness_of(moving, uses, Route()), expected)
     np.testing.assert_array_equal(slowness_of(moving, shortest, Route()), slowness_of(still, shortest, Route()))
+
+
+def after(building, kind, what, value):
+    return changed(building, Change(0.0, kind, what, {"value": value}))
+
+
+def hall(*blocks):
+    """Return a hall of 20 x 10 m with an exit to the right, two aisles of 1.6 m beside a block, and blocks in them."""
+    plan = evac.Plan()
+    block = shapely.box(6, 1.6, 14, 8.4)
+    plan.storey("hall", shapely.box(0, 0, 20, 10) - shapely.union_all([block, *blocks]))
+    plan.exit("out", "hall", [(20, 4), (20, 6)])
+    aisle = shapely.box(7, 0, 13, 1.6)
+    if aisle not in blocks:
+        plan.area("aisle", "hall", aisle)
+    return plan.building()
+
+
+def times(building, points, route=0, **options):
+    return build_fields(building, ANY, **options).travel_time_at(0, np.array(points, float), route)
+
+
+def test_a_slow_area_takes_longer_by_its_share():
+    plan = evac.Plan()
+    plan.storey("corridor", shapely.box(0, 0, 20, 2))
+    plan.exit("out", "corridor", [(20, 0), (20, 2)])
+    plan.area("gravel", "corridor", shapely.box(8, 0, 12, 2))
+    points, building = [(2.0, 1.0), (10.0, 1.0), (14.0, 1.0)], plan.building()
+    assert times(after(building, "slow", "gravel", 0.5), points) == pytest.approx([22.0, 12.0, 6.0], abs=0.15)
+    assert times(after(building, "slow", "gravel", 0.25), points) == pytest.approx([30.0, 16.0, 6.0], abs=0.4)
+    fields = build_fields(after(building, "slow", "gravel", 0.5), ANY)
+    np.testing.assert_allclose(fields.directions_at(0, np.array(points), 0), [[1.0, 0.0]] * 3, atol=1e-2)
+
+
+def test_ways_lead_round_a_barred_area_as_if_it_were_no_ground():
+    points = [(1.0, 0.8), (3.0, 5.0), (6.5, 0.8), (13.5, 0.8), (10.0, 9.2)]
+    barred, without = after(hall(), "bar", "aisle", True), hall(shapely.box(7, 0, 13, 1.6))
+    assert times(barred, points) == pytest.approx(times(without, points), abs=0.15)
+    assert times(hall(), points)[0] < times(barred, points)[0] - 2.0
+    inside = np.array([(8.0, 0.8), (12.0, 0.8)])
+    directions = build_fields(barred, ANY).directions_at(0, inside, 0)
+    assert (directions[:, 0] * [-1.0, 1.0] > 0.9).all()  # whoever is inside leaves by the nearest end
+
+
+def test_a_barred_area_is_passed_where_there_is_no_other_way():
+    building = after(hall(shapely.box(7, 8.4, 13, 10)), "bar", "aisle", True)
+    points = np.array([(1.0, 0.8), (5.0, 0.8), (8.0, 0.8), (12.0, 0.8)])
+    fields = build_fields(building, ANY)
+    assert np.isfinite(fields.travel_time_at(0, points, 0)).all()
+    directions = fields.directions_at(0, points, 0)
+    assert (directions[:, 0] > 0.9).all()
+    assert np.abs(np.diff(directions, axis=0)).max() < 0.15  # not along the edge of the area
+
+
+@pytest.mark.parametrize(("towards", "left", "right"), [(None, 4.0, 8.0), ("right", 4.0, 22.0), ("left", 4.0, 8.0)])
+def test_a_door_of_one_direction_is_passed_that_way(towards, left, right):
+    plan = evac.Plan()
+    plan.storey("floor", [shapely.box(0, 0, 5, 3), shapely.box(5.2, 0, 30, 3)])
+    plan.area("left", "floor", shapely.box(0, 0, 5, 3))
+    plan.area("right", "floor", shapely.box(5.2, 0, 30, 3))
+    plan.door("door", "floor", [(5.1, 0.5), (5.1, 2.5)])
+    for name, x in (("west", 0.0), ("east", 30.0)):
+        plan.exit(name, "floor", [(x, 0), (x, 3)])
+    building = plan.building()
+    building = building if towards is None else after(building, "one_way", "door", towards)
+    assert times(building, [(4.0, 1.5), (8.0, 1.5)]) == pytest.approx([left, right], abs=0.1)
+    only = build_fields(building, [Route(exits=("east",))])
+    from_left = only.travel_time_at(0, np.array([(4.0, 1.5)]), 0)
+    assert from_left == pytest.approx([np.inf if towards == "left" else 26.0], abs=0.1)
+
+
+def test_a_route_to_exits_that_cannot_be_reached_leads_anywhere_if_that_is_wanted(drawing):
+    for level, (x, name) in enumerate(((0, "A"), (10, "B"))):
+        drawing.level((x, 0, x + 8, 2))
+        drawing.exit(name, level, (x, 0), (x, 2))
+    building, routes = drawing.build(), [Route(exits=("B",)), Route(exits=("A",))]
+    points = [(0, np.array([(5.0, 1.0)])), (1, np.array([(16.0, 1.0)]))]
+    for anywhere, expected in ((False, [[np.inf, 6.0], [5.0, np.inf]]), (True, [[5.0, 6.0], [5.0, 6.0]])):
+        fields = build_fields(building, routes, anywhere=anywhere)
+        for route, row in enumerate(expected):
+            found = [fields.travel_time_at(level, place, route)[0] for level, place in points]
+            assert found == pytest.approx(row, abs=0.05)
+    closed = replace(building, closed=frozenset([building.link_of(building.exits[0])]))
+    assert build_fields(closed, routes).travel_time_at(*points[1], 1) == pytest.approx([6.0], abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("route", "options", "words"),
+    [
+        (Route(strategy="shortes"), {}, "unknown strategy 'shortes'; did you mean 'shortest'"),
+        (Route(exits=("AA",)), {}, "a route leads to exit 'AA', which .* does not have; did you mean 'A'"),
+        (Route(), {"spacing": 0.61}, "directions.spacing: exit 'A' is 1.2 m wide, less than two cells of 0.61 m"),
+        (Route(), {"spacing": 1e-5}, "directions.spacing: 1e-05 m requires grids of .* nodes for 1 routes"),
+    ],
+)
+def test_what_cannot_be_solved_is_told_by_its_key(drawing, route, options, words):
+    drawing.level((0, 0, 6, 5))
+    drawing.exit("A", 0, (6, 2.6), (6, 3.8))
+    with pytest.raises(ScenarioError, match=words):
+        build_fields(drawing.build(), [route], **options)
