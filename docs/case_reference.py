@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from evac.base.distributions import KINDS, Distribution
+from evac.base.distributions import FAMILIES, Distribution
 from evac.base.keys import Factor, Table, table_of
 from evac.base.toml import toml_value
 from evac.case.case import Case
@@ -131,7 +131,7 @@ def _loads() -> str:
 
 
 def _distributions() -> str:
-    rows = [f"| `{name}` | {', '.join(numbers)}{NOTES.get(name, '')} |" for name, numbers in KINDS.items()]
+    rows = [f"| `{name}` | {', '.join(numbers)}{NOTES.get(name, '')} |" for name, numbers in FAMILIES.items()]
     return (
         "### Distributions\n\nA number, or a table with exactly one of these, such as `{ uniform = [0.2, 0.25] }`. "
         "With `minimum` and `maximum`, values outside are drawn again. The values of `list` are used in order, "

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from evac.base.errors import ScenarioError as ScenarioError
     from evac.base.errors import SimulationError as SimulationError
     from evac.base.parameters import Parameter as Parameter
-    from evac.base.phases import Progress as Progress
+    from evac.base.progress import Progress as Progress
     from evac.building.importer import Importer as Importer
     from evac.building.model.building import Building as Building
     from evac.building.model.findings import Finding as Finding
@@ -73,7 +73,7 @@ _HOMES = {
         "evac.base.errors": "BuildingError EvacError EvacWarning PluginError ResultError RunWarning ScenarioError "
         "SimulationError",
         "evac.base.parameters": "Parameter",
-        "evac.base.phases": "Progress",
+        "evac.base.progress": "Progress",
         "evac.building.importer": "Importer",
         "evac.building.model.building": "Building",
         "evac.building.model.findings": "Finding",

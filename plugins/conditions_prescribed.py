@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import ScenarioError, naming
 from evac.base.parameters import did_you_mean
-from evac.building.model.building import elevation
+from evac.building.model.elevation import elevation
 from evac.conditions.source import HOTTEST_START, QUANTITIES, ConditionSource, SourceScene, gap_in
 
 MOST_BYTES = 50_000_000  #: Greatest size of a CSV file [bytes].

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray, IntArray, pairs_of
-from evac.base.phases import told
-from evac.building.model.building import gradients, in_space
+from evac.base.progress import track
+from evac.building.model.elevation import gradients, in_space
 from evac.conditions.law import WAITING_SPEED
 from evac.trajectory.trajectory import Rows, Trajectory
 
@@ -103,7 +103,7 @@ def records(
     measuring = Measuring(trajectory.number_of_people, waiting_speed)
     chosen = trajectory.rows if frames is None else [trajectory.rows[k] for k in frames.tolist()]
     first, count = 0, 0
-    for number, now in enumerate(told("measuring", chosen, len(chosen))):
+    for number, now in enumerate(track("measuring", chosen, len(chosen))):
         count += len(now.person)
         if count > MOST_ROWS or number + 1 == len(chosen):
             yield _measured(trajectory, measuring, chosen[first : number + 2], range(first, number + 1))

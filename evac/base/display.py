@@ -11,7 +11,7 @@ from rich import progress as bars
 from rich.console import Console
 
 from evac.base.errors import counted
-from evac.base.phases import Progress, shown_by
+from evac.base.progress import Progress, shown_by
 
 #: Wall time between two updates of the bar, and between two plain lines of a run and of several [s]; the first
 #: line of a loop or run comes as early as those of several runs.
@@ -24,7 +24,7 @@ class Display:
     """Shows people out, simulated time, speed relative to real time and the estimated time left.
 
     A context manager; call `phase` with a description of each phase before the loop, and the display itself with a
-    `Progress` at every tick. It also shows how far loops are that tell it (`evac.base.phases.told`).
+    `Progress` at every tick. It also shows how far loops are that tell it (`evac.base.progress.track`).
     """
 
     def __init__(self, has_lines: bool = True) -> None:

@@ -16,7 +16,7 @@ from evac.base.errors import ScenarioError
 from evac.base.parameters import did_you_mean
 
 #: Names of the parameters of each distribution; see `Distribution`.
-KINDS = {
+FAMILIES = {
     "constant": ("value",),
     "uniform": ("low", "high"),
     "normal": ("mean", "standard deviation"),
@@ -58,7 +58,7 @@ class Distribution:
         numbers = {"type": "array", "items": {"type": "number"}}
         moments: dict[str, Any] = {"type": "object", "properties": {key: {"type": "number"} for key in LOGNORMAL_TABLE}}
         moments |= {"required": list(LOGNORMAL_TABLE), "additionalProperties": False}
-        kinds: dict[str, Any] = {name: {"description": ", ".join(words), **numbers} for name, words in KINDS.items()}
+        kinds: dict[str, Any] = {name: {"description": ", ".join(words), **numbers} for name, words in FAMILIES.items()}
         kinds |= {"constant": {"anyOf": [{"type": "number"}, numbers]}, "lognormal": {"anyOf": [numbers, moments]}}
         kinds |= {key: {"type": "number"} for key in ("minimum", "maximum")}
         table = {"type": "object", "properties": kinds, "additionalProperties": False, "minProperties": 1}
@@ -277,11 +277,11 @@ def _read(value: object) -> Distribution:
     if not isinstance(value, dict):
         return Distribution("constant", (_number("the value", value),))
     for name in value:
-        if name not in (*KINDS, "minimum", "maximum"):
-            raise ValueError(f"unknown distribution {name!r}; {did_you_mean(name, (*KINDS, 'minimum', 'maximum'))}")
-    kinds = [name for name in value if name in KINDS]
+        if name not in (*FAMILIES, "minimum", "maximum"):
+            raise ValueError(f"unknown distribution {name!r}; {did_you_mean(name, (*FAMILIES, 'minimum', 'maximum'))}")
+    kinds = [name for name in value if name in FAMILIES]
     if len(kinds) != 1:
-        raise ValueError(f"needs exactly one of {', '.join(KINDS)}; got {', '.join(kinds) or 'none'}")
+        raise ValueError(f"needs exactly one of {', '.join(FAMILIES)}; got {', '.join(kinds) or 'none'}")
     distribution = Distribution(
         kinds[0],
         _numbers(kinds[0], value[kinds[0]]),
@@ -299,7 +299,7 @@ def _number(name: str, value: object) -> float:
 
 
 def _numbers(kind: str, given: object) -> tuple[float, ...]:
-    names = KINDS[kind]
+    names = FAMILIES[kind]
     if kind == "constant":
         return (_number(kind, given),)
     if kind == "lognormal" and isinstance(given, dict):
@@ -330,7 +330,7 @@ def _lognormal_of(given: dict[str, object]) -> tuple[float, float]:
 
 def _check_shape(given: Distribution) -> None:
     """Refuse invalid parameters, and bounds that contain almost no probability."""
-    names = KINDS[given.kind]
+    names = FAMILIES[given.kind]
     positive = {"normal": (1,), "lognormal": (1,), "weibull": (0, 1), "gamma": (0, 1)}.get(given.kind, ())
     for index in positive:
         if given.numbers[index] <= 0:

@@ -141,7 +141,7 @@ def _numbers(what: str, text: str, whole: bool = False) -> list[float]:
 
 def _show(made: "Imported") -> None:
     """Show what is missing, a summary, the openings if there is no exit, the warnings, and the next command."""
-    from evac.building.model.findings import KINDS, and_more, grouped
+    from evac.building.model.findings import FINDING_KINDS, and_more, grouped
     from evac.importing.documents import MOST_OPENINGS, opening_row
     from evac.importing.importing import PICTURE, PLAN, REPORT
 
@@ -161,7 +161,7 @@ def _show(made: "Imported") -> None:
             "stairs": ", ".join(building.stairs) or "none",
             "exits": ", ".join(way.name for way in building.exits) or "none",
             "people": f"{sum(full)} in {counted(len(full), 'room')}",
-            "findings": ", ".join(f"{count[kind]} {kind}" for kind in KINDS if count[kind]) or "none",
+            "findings": ", ".join(f"{count[kind]} {kind}" for kind in FINDING_KINDS if count[kind]) or "none",
             **({"case": made.folder} if made.is_accepted else {}),
             "picture": made.folder / PICTURE,
             "report": made.folder / REPORT,

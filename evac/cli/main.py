@@ -18,7 +18,7 @@ from typing import NoReturn
 
 from evac.base.display import Display
 from evac.base.errors import EvacError, PluginError, in_one_line, text_of
-from evac.base.phases import shown_by
+from evac.base.progress import shown_by
 from evac.cli.screen import crash_file, lasting, note, shown_warnings, told_loss, versions
 
 #: Exit status for bad input, for an error in evac itself (EX_SOFTWARE of sysexits.h), and for an interrupt by Ctrl-C.

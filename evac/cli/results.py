@@ -202,7 +202,7 @@ def execute_report(arguments: argparse.Namespace) -> int:
     from evac.folder.resultfolder import check_result, find_result
     from evac.report.of_run import BUNDLE_NAME, run_report, write_bundle
     from evac.report.pages import Labels, write_page
-    from evac.report.sections import MAPS, Places
+    from evac.report.sections import MAPS, PlaceSettings
     from evac.report.study import is_study, study_report
     from evac.results.reading import read_results
 
@@ -215,7 +215,7 @@ def execute_report(arguments: argparse.Namespace) -> int:
     maps = (
         MAPS if arguments.maps is None else () if arguments.maps == "none" else inputs.maps_of("--maps", arguments.maps)
     )
-    places = Places(density, arguments.congestion_time, maps, arguments.service)
+    places = PlaceSettings(density, arguments.congestion_time, maps, arguments.service)
     if arguments.bundle and is_study(folder):
         raise ResultError(f"{folder}: --bundle applies to the folder of a run, but this is that of a study; remove it")
     if is_study(folder):

@@ -10,8 +10,9 @@ import shapely
 
 from evac.base.arrays import COPY, FloatArray, IndexArray, IntArray, as_floats, read_only
 from evac.base.errors import ScenarioError, fault, naming, plugin_code
-from evac.building.model.building import Building, ground_of
+from evac.building.model.building import Building
 from evac.building.model.cells import MOST_CELLS, LevelField
+from evac.building.model.elevation import ground_of
 from evac.conditions.law import SMOKE, SPEED
 from evac.conditions.source import AT_ONCE, HEAD, QUANTITIES, ConditionSource, SourceScene
 from evac.contract.registry import create

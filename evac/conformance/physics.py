@@ -207,7 +207,7 @@ def check_crowd(model: ContactModel) -> None:
         crowds, engine = walk(model, NINE_PEOPLE, 120, WALLS)
         stated, seen = engine.report()["greatest_overlap"], max(crowd.overlap.max() for crowd in crowds)
         wrong = f"reports a largest overlap of {stated:.2g} m, but one of {seen:.2g} m occurred"
-        require(stated >= seen, f"{wrong}; let the step loop of evac.physics.driver make the steps")
+        require(stated >= seen, f"{wrong}; let the step loop of evac.physics.stepping make the steps")
     half, whole = crowds[5], crowds[11]
     mixed = Crowd(**{name: array[ANOTHER_ORDER] for name, array in NINE_PEOPLE.values().items()})
     turned = NINE_PEOPLE.replace(position=_turned(NINE_PEOPLE.position))

@@ -35,7 +35,7 @@ hookspec = pluggy.HookspecMarker("evac")
 hookimpl = pluggy.HookimplMarker("evac")
 
 
-class Kind(NamedTuple):
+class PluginKind(NamedTuple):
     """A kind of plugin classes."""
 
     module: str  # of its base class
@@ -45,30 +45,30 @@ class Kind(NamedTuple):
 
 
 #: Kinds of plugin classes. Those of KIND are returned by the hook evac_KINDs.
-KINDS = {
-    "contact_model": Kind("evac.physics.contact.model", "ContactModel", "contact_", "contact model classes"),
-    "solver": Kind("evac.physics.contact.rows", "Solver", "solver_", "classes of solvers of the contact problem"),
-    "force": Kind("evac.physics.force", "Force", "force_", "force classes"),
-    "behaviour": Kind("evac.people.behaviour", "Behaviour", "behaviour_", "behaviour classes"),
-    "recorder": Kind("evac.trajectory.recorder", "Recorder", "recorder_", "recorder classes"),
-    "importer": Kind(
+PLUGIN_KINDS = {
+    "contact_model": PluginKind("evac.physics.contact.model", "ContactModel", "contact_", "contact model classes"),
+    "solver": PluginKind("evac.physics.contact.rows", "Solver", "solver_", "classes of solvers of the contact problem"),
+    "force": PluginKind("evac.physics.force", "Force", "force_", "force classes"),
+    "behaviour": PluginKind("evac.people.behaviour", "Behaviour", "behaviour_", "behaviour classes"),
+    "recorder": PluginKind("evac.trajectory.recorder", "Recorder", "recorder_", "recorder classes"),
+    "importer": PluginKind(
         "evac.building.importer", "Importer", "import_", "importer classes, which read files of buildings"
     ),
-    "exporter": Kind(
+    "exporter": PluginKind(
         "evac.export.exporter",
         "Exporter",
         "export_",
         "exporter classes, which write recorded runs in formats of other programs",
     ),
-    "condition_source": Kind(
+    "condition_source": PluginKind(
         "evac.conditions.source", "ConditionSource", "conditions_", "classes of sources of smoke, gases and heat"
     ),
-    "smoke_law": Kind("evac.conditions.law", "SmokeLaw", "smoke_", "classes of laws of the speed in smoke"),
-    "dispatcher": Kind("evac.people.dispatcher", "Dispatcher", "dispatch_", "classes of dispatchers of lifts"),
+    "smoke_law": PluginKind("evac.conditions.law", "SmokeLaw", "smoke_", "classes of laws of the speed in smoke"),
+    "dispatcher": PluginKind("evac.people.dispatcher", "Dispatcher", "dispatch_", "classes of dispatchers of lifts"),
 }
 
 
-def _hook(name: str, kind: Kind) -> Callable[[], Any]:
+def _hook(name: str, kind: PluginKind) -> Callable[[], Any]:
     """Return the hook that collects the classes of a kind."""
 
     def collect() -> None: ...
@@ -79,7 +79,7 @@ def _hook(name: str, kind: Kind) -> Callable[[], Any]:
     return hookspec(collect)
 
 
-for _name, _kind in KINDS.items():
+for _name, _kind in PLUGIN_KINDS.items():
     globals()[f"evac_{_name}s"] = _hook(f"evac_{_name}s", _kind)
 
 

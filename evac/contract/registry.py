@@ -20,13 +20,13 @@ import pluggy
 from evac.base.errors import BuildingError, PluginError, fault, plugin_code, text_of, usable_path
 from evac.base.parameters import Configurable, Parameter, did_you_mean
 from evac.contract import hooks
-from evac.contract.hooks import KINDS
+from evac.contract.hooks import PLUGIN_KINDS
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer
 
 #: Kinds of what plugins provide, and the hook that returns each.
-RETURNED_BY = {kind: f"evac_{kind}s" for kind in KINDS} | {"case": "evac_building_cases"}
+RETURNED_BY = {kind: f"evac_{kind}s" for kind in PLUGIN_KINDS} | {"case": "evac_building_cases"}
 
 #: Names of all hooks, and of those that are called in every run.
 HOOKS = [name for name in vars(hooks) if name.startswith("evac_")]
@@ -49,7 +49,7 @@ def check_module(module: ModuleType, plugin: str) -> None:
     marked = hooks_in(module)
     unmarked = [name for name in HOOKS if name not in marked and hasattr(module, name)]
     if not (marked or unmarked or classes_in(module)):
-        bases, known = ", ".join(kind.base for kind in KINDS.values()), ", ".join(HOOKS)
+        bases, known = ", ".join(kind.base for kind in PLUGIN_KINDS.values()), ", ".join(HOOKS)
         raise fault(what, "defines no plugin", f"derive a class from one of {bases}, or define a hook: {known}", module)
     check_interface(module, plugin)
     for name in unmarked:
@@ -102,7 +102,7 @@ def check_answer(kind: str, answer: Any, hook: Any, plugin: str) -> None:
         got = reprlib.repr(getattr(answer, "__name__", answer))
         raise fault(what, f"{returns} {got}", "return a list, such as [MyClass]", hook)
     for item in answer if kind != "case" else ():
-        base = f"evac.{KINDS[kind].base}"
+        base = f"evac.{PLUGIN_KINDS[kind].base}"
         if not isinstance(item, type):
             got = f"an object of class {type(item).__name__}"
             raise fault(what, f"{returns} {got}", f"return the class itself, which must derive from {base}", hook)
@@ -111,10 +111,10 @@ def check_answer(kind: str, answer: Any, hook: Any, plugin: str) -> None:
 
 
 def check_class(cls: Any, plugin: str) -> str:
-    """Check that a class is a complete plugin class with a valid name, and return its kind, a key of `KINDS`."""
+    """Check that a class is a complete plugin class with a valid name, and return its kind, a key of `PLUGIN_KINDS`."""
     kind = kind_of(cls)
     if not kind:
-        bases = ", ".join(known.base for known in KINDS.values())
+        bases = ", ".join(known.base for known in PLUGIN_KINDS.values())
         raise fault(f"plugin {plugin}", f"{cls!r} is not a plugin", f"derive it from one of {bases}", cls)
     _check_name(kind, cls, plugin)
     for key, parameter in cls.declared().items():
@@ -137,8 +137,8 @@ def _check_name(kind: str, cls: Any, plugin: str) -> None:
 @cache
 def _check_methods(kind: str, cls: Any, plugin: str) -> None:
     """Check that a class defines what its kind needs, and that its methods take the arguments that evac gives them."""
-    what, name = f"plugin {plugin}", KINDS[kind].base
-    base = next(parent for parent in cls.__mro__ if (parent.__module__, parent.__qualname__) == KINDS[kind][:2])
+    what, name = f"plugin {plugin}", PLUGIN_KINDS[kind].base
+    base = next(parent for parent in cls.__mro__ if (parent.__module__, parent.__qualname__) == PLUGIN_KINDS[kind][:2])
     if missing := sorted(getattr(cls, "__abstractmethods__", ())):
         raise fault(what, f"{cls.__name__} has no {missing[0]}(), which every {name} needs", "add it", cls)
     effects = ("act", "prepare", "routes", "contact_radius")
@@ -205,7 +205,7 @@ def _are_suffixes(value: Any) -> bool:
 def kind_of(item: Any) -> str:
     """Return the kind of a plugin class, without importing its base class, or an empty string if it has none."""
     bases = {(base.__module__, base.__qualname__) for base in item.__mro__} if isinstance(item, type) else set()
-    return next((kind for kind, known in KINDS.items() if known[:2] in bases), "")
+    return next((kind for kind, known in PLUGIN_KINDS.items() if known[:2] in bases), "")
 
 
 FILE_PREFIX = "evac_plugin_"  #: Prefix of the names of modules made from plugin files.
@@ -408,7 +408,7 @@ class Registry:
 def built_in(*kinds: str) -> list[str]:
     """Return the modules of built-in plugins, or of those of some kinds, by their files, without importing any."""
     places = importlib.import_module("evac_plugins").__path__
-    begin = tuple(KINDS[kind].files if kind in KINDS else kind for kind in kinds) or ("",)
+    begin = tuple(PLUGIN_KINDS[kind].files if kind in PLUGIN_KINDS else kind for kind in kinds) or ("",)
     return [f"evac_plugins.{module.name}" for module in pkgutil.iter_modules(places) if module.name.startswith(begin)]
 
 

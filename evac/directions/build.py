@@ -36,7 +36,7 @@ from evac.directions.lengths import (
     strips_of,
     take_halos,
 )
-from evac.directions.march import Problem
+from evac.directions.march import EikonalProblem
 from evac.directions.march.marching import march_all, number_of_workers
 from evac.directions.raster.grids import OWN, BuildingGrids, Shared, build_grids, count_nodes, lead_through_doors
 from evac.directions.raster.lattice import SLACK, Window, grown, nearest_marked, numbers_between, outward_directions
@@ -526,7 +526,7 @@ def _solve(
     """Yield directions (nodes, 2) and travel times (nodes,) to the exits of each route on all grids, as marched."""
     building, problems = grids.building, []
     for route, rate in zip(solver.routes, solver.rates, strict=True):
-        problems.append(Problem.of(building, route, rate, avoided, is_plain=not building.has_areas_to_heed))
+        problems.append(EikonalProblem.of(building, route, rate, avoided, is_plain=not building.has_areas_to_heed))
         if bent is not None:
             problems.append(replace(problems[-1], factor=bent, is_plain=False))
     memory = _memory_of_workers(grids.size, len(solver.routes))

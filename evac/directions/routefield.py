@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray, pairs_of
-from evac.base.phases import tell
+from evac.base.progress import show_steps
 from evac.base.saved import Saved, taken
 from evac.directions.density import STEP, Gates
 from evac.directions.descent import ONE_LABEL, descend
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.lengths import make_ways, routes_at_present
-from evac.directions.march import Problem
+from evac.directions.march import EikonalProblem
 from evac.directions.march.compiled import CompiledMarch
 from evac.directions.march.waves import APART, FAR, FINAL, MarchState, find_speeds
 from evac.directions.raster.grids import OWN, BuildingGrids, Shared, lead_through_doors
@@ -155,7 +155,7 @@ class RouteField(Saved):
         self._clear = self._factor
         self.number, self._grids, self._queues = number, grids, gates.queues
         self._travel_time, self._direction = travel_time, direction
-        tell(PREPARING, 0, 3)
+        show_steps(PREPARING, 0, 3)
         base = self._read(fields.packed)
         of_widths, nothing = marched.classes[of_class], np.zeros(0, np.int64)
         blocked = of_widths.blocked[index] if of_widths.blocked else nothing
@@ -169,9 +169,9 @@ class RouteField(Saved):
         self._blocked = None if lower is None else (narrow, lower._in_fields(blocked))
         base[blocked] = base[elsewhere] = math.inf
         present = routes_at_present(marched.building, fields.routes)[index]
-        problem = Problem.of(grids.building, present, marched.rates[index], self._factor)
+        problem = EikonalProblem.of(grids.building, present, marched.rates[index], self._factor)
         self.march = CompiledMarch(grids, problem, ways, gates.at, hesitation)
-        tell(PREPARING, 1, 3)
+        show_steps(PREPARING, 1, 3)
         self.speed = np.ones(grids.size)
         self._at_once = self.waves.jump_time.copy()
         joins = self.waves.state != APART
@@ -189,9 +189,9 @@ class RouteField(Saved):
         self._resting: set[int] = set()  # levels all of whose nodes are left out
         self._unseen = set(self._places)  # levels of which it is not known yet whether they rest
         self.is_local = False
-        tell(PREPARING, 2, 3)
+        show_steps(PREPARING, 2, 3)
         self.march.solve()
-        tell(PREPARING, 3, 3)
+        show_steps(PREPARING, 3, 3)
 
     @property
     def waves(self) -> MarchState:

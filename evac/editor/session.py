@@ -32,7 +32,7 @@ from evac.case.schema import shipped_presets
 from evac.contract.registry import Registry
 from evac.editor.judging import floors_of, judge
 from evac.editor.patching import patched
-from evac.editor.running import Designs, Runner
+from evac.editor.runner import Designs, Runner
 from evac.folder.files import content_of, replacing, writing
 from evac.folder.textfiles import plain, write_json
 from evac.importing import import_building

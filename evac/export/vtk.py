@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.base.errors import ResultError
-from evac.base.phases import told
-from evac.building.model.building import Building, on_level, triangles_on
+from evac.base.progress import track
+from evac.building.model.building import Building
+from evac.building.model.elevation import on_level, triangles_on
 from evac.export.exporter import file_stems
 from evac.folder import files
 from evac.trajectory.trajectory import Frame, Trajectory
@@ -94,7 +95,7 @@ class _Raw:
 
 
 #: Values of the building's cell array ``kind``.
-KINDS = ("floor", "flight", "landing", "wall", "exit", "closed exit", "portal", "closed portal", "area", "car")
+CELL_KINDS = ("floor", "flight", "landing", "wall", "exit", "closed exit", "portal", "closed portal", "area", "car")
 
 
 def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
@@ -126,7 +127,7 @@ def _files(trajectory: Trajectory) -> Iterator[tuple[str, bytes]]:
     buildings = [trajectory.building_at(time) for time in trajectory.time.tolist()]
     states = {building.condition: building for building in buildings}
     yield from _building_files([*states.values()])
-    for k in told("writing the VTK animation", range(len(trajectory)), len(trajectory)):
+    for k in track("writing the VTK animation", range(len(trajectory)), len(trajectory)):
         yield files.frame_name(k), vtp_bytes(people_polydata(trajectory, trajectory[k]))
         if trajectory.building.lifts:
             yield files.frame_name(k).replace("frame_", "cars_"), vtp_bytes(cars_polydata(trajectory, trajectory[k]))
@@ -219,8 +220,11 @@ def _part(
     return PolyData(
         points=points[used],
         **{"lines" if cells.shape[1] == 2 else "polygons": corners},
-        cell_arrays={"level": np.full(count, level, np.int32), "kind": np.full(count, KINDS.index(kind), np.int32)},
-        texts={"level_names": [item.name for item in building.levels], "kind_names": KINDS},
+        cell_arrays={
+            "level": np.full(count, level, np.int32),
+            "kind": np.full(count, CELL_KINDS.index(kind), np.int32),
+        },
+        texts={"level_names": [item.name for item in building.levels], "kind_names": CELL_KINDS},
     )
 
 

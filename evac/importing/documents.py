@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from evac.base.errors import ScenarioError
 from evac.base.toml import toml_lines, toml_value
-from evac.building.model.findings import KINDS, account, listed, repaired
+from evac.building.model.findings import FINDING_KINDS, account, listed, repaired
 from evac.contract.hooks import BASES, DEFAULT_MOVEMENT
 from evac.importing.rooms import groups_of
 
@@ -48,7 +48,7 @@ seed = 1
 #: Maximum number of openings in the picture and on the screen; the report lists all.
 MOST_OPENINGS = 20
 WALLS = "Where the file names no openings, these are pieces of the outer edges, which may be walls."
-TITLES = {kind: kind.capitalize() for kind in KINDS} | {"found": "Found in the file", "warning": "Warnings"}
+TITLES = {kind: kind.capitalize() for kind in FINDING_KINDS} | {"found": "Found in the file", "warning": "Warnings"}
 
 
 def with_basis(text: str, basis: str) -> str:
@@ -147,7 +147,7 @@ def report_text(made: "Imported", digests: Mapping[str, str]) -> str:
     elements = [(kind, read, number, "; ".join(why)) for kind, read, number, why in account(made.findings)]
     columns = ("kind", "read", "left out", "why")
     text += ["## Elements of the file", "", *table(columns, elements)] if elements else []
-    text += _listed(made, [kind for kind in KINDS if kind != "missing"])
+    text += _listed(made, [kind for kind in FINDING_KINDS if kind != "missing"])
     text += ["## Options", "", *table(("option", "value"), [(key, repr(one)) for key, one in made.options.items()])]
     return "\n".join([*text, *(f"{name} as written: {digest}" for name, digest in digests.items()), ""])
 

@@ -16,9 +16,9 @@ import shapely
 from evac.base.defaults import SPACING
 from evac.base.errors import BuildingError, EvacError, ScenarioError, usable_path
 from evac.base.parameters import PATH, check_types, did_you_mean
-from evac.base.phases import shown_by
+from evac.base.progress import shown_by
 from evac.building.model.building import Building
-from evac.building.model.findings import KINDS, Finding
+from evac.building.model.findings import FINDING_KINDS, Finding
 from evac.building.options import BuildingOptions, SurfaceOptions
 from evac.building.plan.plan import Plan
 from evac.building.plan.plantable import plan_of_building, plan_text, table_of
@@ -164,7 +164,7 @@ def import_building(
             spacing = math.ceil(100.0 * least) / 100.0
             text = f"directions have a spacing of {spacing:g} m: with {SPACING:g} m they need too much memory (spacing)"
             findings.append(Finding("assumed", text))
-        findings = sorted(with_missing(written, findings), key=lambda one: KINDS.index(one.kind))
+        findings = sorted(with_missing(written, findings), key=lambda one: FINDING_KINDS.index(one.kind))
         missing = tuple(str(finding) for finding in findings if finding.kind == "missing")
         made = Imported(
             paths,

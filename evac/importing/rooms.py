@@ -12,7 +12,8 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH, NEGLIGIBLE
 from evac.base.errors import counted
 from evac.building.geometry import segment_lengths
-from evac.building.model.building import Building, Level, elevation
+from evac.building.model.building import Building, Level
+from evac.building.model.elevation import elevation
 from evac.building.model.findings import Finding, keyed, numbered
 from evac.building.model.links import isolated_parts, levels_reaching
 from evac.people.starts import divided, left_out

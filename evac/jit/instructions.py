@@ -18,7 +18,7 @@ from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, inf
 from numba.core.typing.typeof import typeof_impl
 from numba.extending import lower_builtin, lower_cast, lower_getattr_generic, lower_setattr_generic, register_model
 
-from evac.jit.kernels import AddressCall, Array, Intrinsic, Kind, Struct, describe
+from evac.jit.kernels import AddressCall, ArgumentKind, Array, Intrinsic, Struct, describe
 
 _WORD = ir.IntType(64)
 _ADDRESS = _WORD.as_pointer()
@@ -59,7 +59,7 @@ class RowType(BufferType):
         self.name = f"row of {dtype}"
 
 
-def type_of(kind: Kind) -> types.Type:
+def type_of(kind: ArgumentKind) -> types.Type:
     """Return the numba type of an argument or attribute."""
     if isinstance(kind, Array):
         return BufferType(kind)

@@ -43,10 +43,10 @@ Bytes = Annotated[NDArray[np.uint8], Array("uint8", (None,))]
 ByteGrid = Annotated[NDArray[np.uint8], Array("uint8", (None, None))]
 
 #: Kind of an argument of a kernel or an attribute of a struct: an array, "int64", "float64", or a struct.
-Kind = Array | str | type["Struct"]
+ArgumentKind = Array | str | type["Struct"]
 
 
-def kind_of(hint: Any) -> Kind:
+def kind_of(hint: Any) -> ArgumentKind:
     """Return the kind of values of an annotated type."""
     if get_origin(hint) is Annotated:
         for note in get_args(hint)[1:]:
@@ -61,12 +61,12 @@ def kind_of(hint: Any) -> Kind:
     raise TypeError(f"kernels do not support {hint}; use int, float, bool, a Struct or an array type of evac.jit")
 
 
-def words_of(kind: Kind) -> int:
+def words_of(kind: ArgumentKind) -> int:
     """Return the number of words of 8 bytes that a value needs in a struct."""
     return 1 + len(kind.shape) if isinstance(kind, Array) else 1
 
 
-def describe(kind: Kind) -> str:
+def describe(kind: ArgumentKind) -> str:
     """Return a text that identifies the memory layout of a kind, including nested structs."""
     if isinstance(kind, Array):
         return f"{kind.dtype}{list(kind.shape)}"
@@ -135,7 +135,7 @@ class Struct:
     Kernels ignore the ``writeable`` flag of NumPy arrays.
     """
 
-    kinds: ClassVar[dict[str, Kind]] = {}  # of the attributes, in order
+    kinds: ClassVar[dict[str, ArgumentKind]] = {}  # of the attributes, in order
     words: ClassVar[dict[str, int]] = {}  # the first one of each attribute
     memory_address = 0  # of an instance
     _size: ClassVar[int] = 0
@@ -194,12 +194,12 @@ def _rebuilt(struct: type[Struct], values: dict[str, Any]) -> Struct:
 INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
 
 #: Names and kinds of the arguments, and kinds of the returned numbers.
-Signature = tuple[tuple[tuple[str, Kind], ...], tuple[str, ...]]
+Signature = tuple[tuple[tuple[str, ArgumentKind], ...], tuple[str, ...]]
 
 _C_TYPES: dict[str, Any] = {"int64": ctypes.c_int64, "float64": ctypes.c_double}
 
 #: The types that ctypes passes as numbers of a kind; structs have the attribute that it passes.
-_PASSED: dict[Kind, Any] = {"int64": int, "float64": (float, int)}
+_PASSED: dict[ArgumentKind, Any] = {"int64": int, "float64": (float, int)}
 
 
 #: Name of the function that machine code calls with the label of a kernel that has raised an exception.
@@ -453,7 +453,7 @@ def entries_of(module: ModuleType) -> list[Entry]:
     return [entry for entry in dict.fromkeys(entries) if entry.__module__ == module.__name__]
 
 
-def _described(kinds: Sequence[Kind], returned: Sequence[str]) -> str:
+def _described(kinds: Sequence[ArgumentKind], returned: Sequence[str]) -> str:
     """Return a signature for messages."""
     names = [kind.__name__ if isinstance(kind, type) else describe(kind) for kind in kinds]
     return f"({', '.join(names)}) -> ({', '.join(returned)})"

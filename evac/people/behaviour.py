@@ -12,8 +12,9 @@ from evac.base.change import Change
 from evac.base.errors import ScenarioError, fault, plugin_code, usable_path
 from evac.base.parameters import Configurable, did_you_mean
 from evac.base.saved import FINITE, Saved
-from evac.building.model.building import Building, elevation
+from evac.building.model.building import Building
 from evac.building.model.cells import LevelField
+from evac.building.model.elevation import elevation
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.jit import kernel

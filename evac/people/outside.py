@@ -6,8 +6,8 @@ from evac.base.arrays import IntArray
 from evac.base.saved import Saved
 from evac.building.model.building import FLAT, Building
 from evac.jit import Floats, Ints, Pairs, Struct, kernel
-from evac.physics.driver import FASTEST
 from evac.physics.state import Crowd
+from evac.physics.stepping import FASTEST
 
 REACH = 2.0  #: Distance behind the line of an exit up to which people who have left are seen [m].
 

@@ -15,7 +15,8 @@ from evac.base.distributions import Distribution, generator_for
 from evac.base.errors import ScenarioError, SimulationError, naming
 from evac.base.parameters import did_you_mean
 from evac.base.saved import Saved, SavedError, taken
-from evac.building.model.building import DOWN, FLAT, UP, Area, Building, elevation
+from evac.building.model.building import DOWN, FLAT, UP, Area, Building
+from evac.building.model.elevation import elevation
 from evac.building.model.findings import Finding
 from evac.building.surface.places import HEIGHT_REACH
 from evac.directions.fields import Fields

@@ -16,7 +16,7 @@ from evac.base.saved import Saved
 from evac.directions.sampling import column_of, sample_travel_time
 from evac.jit import AddressCall, Bytes, Callback, Entry, call_body_force, call_pair_force, call_person_force, kernel
 from evac.jit.loading import addresses_of
-from evac.physics import driver, status
+from evac.physics import status, stepping
 from evac.physics import tallies as at
 from evac.physics.contact.contacts import memory_by_person, recall, remember_by_person, retain
 from evac.physics.contact.model import ContactModel, SolvedContactModel
@@ -337,9 +337,9 @@ class CompiledEngine(Engine):
         if model.along_the_way:
             entries.append(find_travel_times)
         if model.law is None:
-            entries += [driver.open_step, driver.set_clock, driver.prepare_step, driver.finish_step, driver.undo_step]
+            entries += stepping.CALLED_APART
         else:
-            entries.append(driver.advance)
+            entries.append(stepping.advance)
         if isinstance(model, SolvedContactModel):
             chosen = [solver_of(model, solvers), *([solver_of(model, solvers, stronger=True)] if full else [])]
             entries += [one.solve for one in chosen if isinstance(one.solve, Entry)]
@@ -439,7 +439,7 @@ class CompiledEngine(Engine):
             if culprit := self._force_at_fault(time) or model.culprit(state):
                 raise culprit
             other = state.bodies.row[state.bodies.other_failed]
-            failure = _FAILURES[outcome].format(parts=driver.GREATEST_PARTS, fastest=driver.FASTEST, other=other)
+            failure = _FAILURES[outcome].format(parts=stepping.GREATEST_PARTS, fastest=stepping.FASTEST, other=other)
             advice = model.advice().get(outcome, "")
             raise SimulationError(f"t = {time:.3f} s: {self._place()} {failure}{'; ' if advice else ''}{advice}")
         else:

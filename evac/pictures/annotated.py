@@ -19,8 +19,9 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
-from evac.base.phases import told
-from evac.building.model.building import Building, Level, level_elevation
+from evac.base.progress import track
+from evac.building.model.building import Building, Level
+from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import PART, Finding, and_more, listed
 from evac.pictures import palette
 from evac.pictures.floorplan import HEIGHT, WIDTH, beside, draw_plans, outline_of
@@ -81,7 +82,7 @@ def levels_figure(
     panels = [[level.index for level in levels] for levels in plans.levels]
     places = _by_place(building, panels, groups)
     drawn = zip(plans.axes, plans.levels, strict=True)
-    for number, (axes, levels) in enumerate(told("drawing every level", drawn, len(panels))):
+    for number, (axes, levels) in enumerate(track("drawing every level", drawn, len(panels))):
         _show_coordinates(axes)
         _name_parts(axes, building, levels)
         for mark in marks:

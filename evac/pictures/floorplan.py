@@ -20,7 +20,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IntArray
 from evac.building.model.building import Building, Exit, Level, Place, Portal
-from evac.building.model.links import marks_of
+from evac.building.model.marks import marks_of
 from evac.pictures import palette
 from evac.pictures.view import View
 from evac.pictures.writing import legible_figure, round_length

@@ -13,8 +13,9 @@ from PIL import Image, ImageDraw
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import ResultError
-from evac.base.phases import told
-from evac.building.model.building import Building, on_level
+from evac.base.progress import track
+from evac.building.model.building import Building
+from evac.building.model.elevation import on_level
 from evac.folder.files import replacing
 from evac.pictures.palette import CAR, DEPTH, LEVELS, SMOKE, colouring, rgb
 from evac.pictures.view import Camera, View
@@ -322,7 +323,7 @@ class Renderer:
             from evac.pictures.floorplan import plan_view
 
             return plan_view(building, self._size, shown, 1.6 if self._has_legend else 0.3, self.names)
-        from evac.pictures.scene import LEGEND_WIDTH, MARGIN, view_of
+        from evac.pictures.model3d import LEGEND_WIDTH, MARGIN, view_of
 
         chosen = building.levels if shown is None else [level for own in shown for level in own]
         margin = MARGIN | {"right": MARGIN["right"] + LEGEND_WIDTH if self._has_legend else MARGIN["left"]}
@@ -380,7 +381,7 @@ def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: f
     if path.suffix == ".mp4" and importlib.util.find_spec("imageio_ffmpeg") is None:
         raise ResultError(f'{path}: an MP4 film needs an extra: pip install "evac[film]", or write a .gif')
     frames = [trajectory.nearest(k * speed / fps) for k in range(count)]
-    images = (renderer.image(k) for k in told("drawing the film", frames, count))
+    images = (renderer.image(k) for k in track("drawing the film", frames, count))
     with replacing(path, "the film") as new:
         if path.suffix == ".mp4":
             import imageio.v2 as imageio

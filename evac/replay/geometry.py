@@ -10,9 +10,10 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.analysis.maps import SPACING
 from evac.base.arrays import FloatArray
-from evac.building.model.building import Building, Level, Place, on_level, triangles_on
+from evac.building.model.building import Building, Level, Place
 from evac.building.model.cells import Cells
-from evac.building.model.links import furniture_of, marks_of
+from evac.building.model.elevation import on_level, triangles_on
+from evac.building.model.marks import furniture_of, marks_of
 from evac.replay.motion import GRAIN, is_even, level_plane
 
 #: Greatest number of cells of the maps of all levels, and along x on one of them: a texture has no more.

@@ -34,8 +34,9 @@ from numpy.typing import NDArray
 from evac.analysis.measures import Measuring
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.defaults import CONTRAST
-from evac.building.model.building import PLANE, Building, Level
+from evac.building.model.building import Building, Level
 from evac.building.model.cells import LevelField
+from evac.building.model.elevation import PLANE
 from evac.pictures.palette import DEPTH
 from evac.trajectory.trajectory import Frame
 

@@ -21,7 +21,7 @@ from evac.base.change import Change, changes_in_words
 from evac.base.defaults import MOST_HEIGHT
 from evac.base.distributions import as_text
 from evac.base.errors import ResultError
-from evac.base.phases import told
+from evac.base.progress import track
 from evac.building.model.links import building_at
 from evac.folder.files import PEOPLE_NAME, SUMMARY_NAME, replacing
 from evac.pictures import palette
@@ -311,7 +311,7 @@ def packed(trajectory: Trajectory, every: float | None = None) -> MotionPacker:
     smoke = trajectory.field(palette.SMOKE) if has_smoke else None
     motion = MotionPacker(trajectory.number_of_people, trajectory.building, smoke, trajectory.contrast)
     chosen = _chosen(trajectory, every)
-    for k in told("writing the replay", range(len(trajectory)), len(trajectory)):
+    for k in track("writing the replay", range(len(trajectory)), len(trajectory)):
         motion.add(trajectory[k], k in chosen, trajectory.has_dose, None if smoke is None else smoke.values[k])
     return motion
 

@@ -17,7 +17,7 @@ from evac.base.parameters import PATH, check_types
 from evac.building.model.building import Building
 from evac.pictures.pictures import designs_figure
 from evac.report import figures
-from evac.report.pages import KINDS, Cell, fixed, rendered
+from evac.report.pages import BADGES, Cell, fixed, rendered
 from evac.results.reading import read_results
 from evac.results.results import Results
 from evac.results.verdict import MOST, Verdict, time_of_share
@@ -142,7 +142,7 @@ class Comparison:
             designs=[
                 (
                     *(design.label, len(design.seeds), sum(design.is_complete), _seeds(design.seeds)),
-                    Cell(design.verdict["text"], KINDS[design.verdict["status"]]),
+                    Cell(design.verdict["text"], BADGES[design.verdict["status"]]),
                 )
                 for design in self.designs
             ],

@@ -18,7 +18,7 @@ from evac.analysis.maps import QUANTITIES, LevelMaps
 from evac.analysis.queues import Queue
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.errors import counted
-from evac.base.phases import told
+from evac.base.progress import track
 from evac.building.model.building import Building
 from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
@@ -109,7 +109,7 @@ def plans(building: Building) -> list[Picture]:
     parts = [slice(first, first + TOGETHER) for first in range(0, len(building.storeys), TOGETHER)]
     drawn = [
         levels_figure(building, title=None, greatest=PLANS, part=part)
-        for part in told("drawing plans", parts, len(parts))
+        for part in track("drawing plans", parts, len(parts))
     ]
     captions = [caption, *("Plans of the storeys above them." for _ in parts[1:])]
     return [drawing(figure, words, "plans", "plans") for figure, words in zip(drawn, captions, strict=True)]
@@ -121,7 +121,7 @@ def course(trajectory: Trajectory, exit_times: FloatArray) -> list[Picture]:
     times = [(share, time_of_share(exit_times, share)) for share in SHARES_OUT]
     return [
         _rendered(draw, trajectory.nearest(time), f"{share} % of the people are out at {time:.1f} s", "course")
-        for share, time in told("drawing the course", times, len(times))
+        for share, time in track("drawing the course", times, len(times))
         if time is not None
     ]
 
@@ -272,7 +272,7 @@ def map_pictures(
     captions = {name: f"{QUANTITIES[name].label.capitalize()}: {QUANTITIES[name].doc}" for name in quantities}
     if "flow" in captions:
         captions["flow"] += f"; {FLOW_LABELS}"
-    return [_mapped(next(figures), f"{captions[name]}.") for name in told("drawing maps", quantities, len(quantities))]
+    return [_mapped(next(figures), f"{captions[name]}.") for name in track("drawing maps", quantities, len(quantities))]
 
 
 #: The scale of shares of runs, and what is beyond each of the `evac.study.maps.LIMITS`.

@@ -24,7 +24,7 @@ from evac.report import figures
 from evac.report.pages import BLANK, Head, Labels, Section, files_section, page, section
 from evac.report.sections import (
     USUAL,
-    Places,
+    PlaceSettings,
     building_section,
     case_section,
     congestion_sections,
@@ -50,7 +50,7 @@ RESULT_FILES = (SUMMARY_NAME, PEOPLE_NAME, CROSSINGS_NAME, EGRESS_NAME, TRAJECTO
 STOPPED = ("interrupted", "failed")
 
 
-def run_report(folder: Path, labels: Labels = BLANK, places: Places = USUAL) -> str:
+def run_report(folder: Path, labels: Labels = BLANK, places: PlaceSettings = USUAL) -> str:
     """Return the report of a run as a page of HTML."""
     run = read_results(folder)
     congestion = congestion_sections(run, places)  # first, because its pass over the motion finds the queues as well

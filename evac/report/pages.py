@@ -60,7 +60,7 @@ class Cell(NamedTuple):
 
 
 #: Kinds of cells by the status of a verdict.
-KINDS = {"green": "good", "amber": "open", "red": "bad", "none": ""}
+BADGES = {"green": "good", "amber": "open", "red": "bad", "none": ""}
 
 
 def read(name: str) -> str:

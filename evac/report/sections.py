@@ -25,7 +25,7 @@ from evac.contract.hooks import BASES, DEFAULT_MOVEMENT
 from evac.people.starts import load_table
 from evac.pictures.palette import colouring
 from evac.report import figures
-from evac.report.pages import APPENDIX, KINDS, Cell, Section, fixed, section
+from evac.report.pages import APPENDIX, BADGES, Cell, Section, fixed, section
 from evac.results.recordedcase import BuildingTable, CaseTable, GroupTable
 from evac.results.results import Results
 from evac.results.verdict import BY, judged, least_margins, movement_of
@@ -309,7 +309,7 @@ MAPS = ("max_density", "waiting", "speed", "flow", "time_to_clear", "usage")
 
 
 @dataclass(frozen=True)
-class Places:
+class PlaceSettings:
     """What is shown of the places of a run."""
 
     density: float = DENSITY  # above which a place is congested [1/m2], see `evac.analysis.congestion.find_congestion`
@@ -318,10 +318,10 @@ class Places:
     service: str = ""  # levels of service as colours of densities, see `evac.pictures.palette.SERVICES`
 
 
-USUAL = Places()
+USUAL = PlaceSettings()
 
 
-def congestion_sections(run: Results, places: Places) -> tuple[Section, ...]:
+def congestion_sections(run: Results, places: PlaceSettings) -> tuple[Section, ...]:
     """Return the sections on bottlenecks and on maps."""
     trajectory = run.trajectory
     if trajectory is None or not len(trajectory):
@@ -423,7 +423,7 @@ def safety_cells(safety: Mapping[str, Any]) -> list[tuple[object, ...]]:
             (fixed(row["required"], 1) or "not left by all") + row.get("spread", ""),
             ("at least " if row["available"] is None else "") + f"{row['limit']:.1f}",
             BY.get(row["criterion"]),
-            *(Cell(fixed(row[name], 1) or "none", KINDS[row["status"]]) for name in ("margin", "margin_with_factor")),
+            *(Cell(fixed(row[name], 1) or "none", BADGES[row["status"]]) for name in ("margin", "margin_with_factor")),
             fixed(row["least_margin"], 1),
         )
         for row in judged(safety)

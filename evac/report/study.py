@@ -21,7 +21,7 @@ from evac.report.pages import APPENDIX, BLANK, Cell, Head, Labels, Section, file
 from evac.report.sections import (
     MARGINS,
     USUAL,
-    Places,
+    PlaceSettings,
     case_section,
     congestion_sections,
     levels_section,
@@ -77,7 +77,7 @@ def is_study(folder: Path) -> bool:
     return (folder / STATISTICS_NAME).is_file() and (folder / RUNS_NAME).is_file()
 
 
-def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK, places: Places = USUAL) -> str:
+def study_report(folder: Path, runs: Sequence[Path] = (), labels: Labels = BLANK, places: PlaceSettings = USUAL) -> str:
     """Return the report of a study as a page of HTML."""
     study = Study.read(folder)
     data = read_json(folder / SUMMARY_NAME)
@@ -303,7 +303,7 @@ def _over_runs(study: Study, id_: str, title: str, names: Sequence[str]) -> Sect
     return section(id_, title, "over_runs", points=points, names=[point.label for point in study.points])
 
 
-def _maps(study: Study, places: Places) -> Iterator[Section]:
+def _maps(study: Study, places: PlaceSettings) -> Iterator[Section]:
     """Yield a section with the maps over the runs of each point that has some."""
     for point in study.points:
         building, maps = study.building(point.index), maps_over_runs(study, point.index)
@@ -315,7 +315,7 @@ def _maps(study: Study, places: Places) -> Iterator[Section]:
             yield section(f"run_maps{suffix}", title, "maps", pictures=pictures, without=without)
 
 
-def _of_run(run: Results, number: int, places: Places) -> Iterator[Section]:
+def _of_run(run: Results, number: int, places: PlaceSettings) -> Iterator[Section]:
     """Yield the sections on one run: its places, course and times, congestion and maps."""
     name = f"Run with seed {run.seed}"
     suffix = "" if number == 1 else f"-{number}"

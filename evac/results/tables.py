@@ -21,7 +21,7 @@ SHARES = (5, 10, 25, 50, 75, 90, 95, 98, 100)  #: Shares of the people whose tim
 MOST_FLOWS = 10  #: Greatest numbers of doors, of portals and of queues.
 
 
-class Kind(NamedTuple):
+class TableForm(NamedTuple):
     """What a table is."""
 
     caption: str
@@ -34,51 +34,51 @@ FLOW = ("width [m]", "flow [1/s]", "per metre [1/(m s)]")
 
 #: The tables, by name, in the order of reports.
 TABLES = {
-    "shares": Kind("Times at which a share of the people was out", ("share", "people", "time [s]"), "not reached"),
-    "groups": Kind(
+    "shares": TableForm("Times at which a share of the people was out", ("share", "people", "time [s]"), "not reached"),
+    "groups": TableForm(
         "Times at which people of each group left; the mean is over those who left",
         ("group", "people", "out", "first [s]", "mean [s]", "50 % [s]", "95 % [s]", "all [s]"),
         "not reached",
     ),
-    "exits": Kind(
+    "exits": TableForm(
         "Exits; the flow is that between the first and the last fifth of the people, if 20 or more left by the exit",
         ("exit", "people", "share of all out [%]", "first [s]", "last [s]", *FLOW),
     ),
-    "phases": Kind(
+    "phases": TableForm(
         "Phases: people who started in their places, with the alarm and the times at which they started and were out",
         ("phase", "places", "people", "alarm [s]", "first starts [s]", "last starts [s]", "last out [s]"),
     ),
-    "cleared": Kind(
+    "cleared": TableForm(
         "Times at which nobody was left on the floors of each phase", ("phase", "floor", "clear [s]"), "not clear"
     ),
-    "queues": Kind(
+    "queues": TableForm(
         "Queues by what causes them, those with the longest total waiting time",
         ("cause", "share of all waiting [%]", "people", "mean wait [s]", "most at once", "from [s]", "to [s]"),
     ),
-    "congestion": Kind(
+    "congestion": TableForm(
         f"Densities above {DENSITY:g} people per m²",
         ("what", "number"),  # of recorded runs of studies
     ),
-    "doses": Kind("Doses of people", ("dose", "people above 0.3", "people above 1", "greatest")),
-    "outcomes": Kind("Hydraulic calculation, events, safe places, smoke, doses and margins", ("what", "number")),
-    "levels": Kind("Use, and time at which the last person left", ("level", *USED), "not cleared"),
-    "stairs": Kind(
+    "doses": TableForm("Doses of people", ("dose", "people above 0.3", "people above 1", "greatest")),
+    "outcomes": TableForm("Hydraulic calculation, events, safe places, smoke, doses and margins", ("what", "number")),
+    "levels": TableForm("Use, and time at which the last person left", ("level", *USED), "not cleared"),
+    "stairs": TableForm(
         "Use of stairs, flights and landings together, and time at which the last person left",
         ("stair", *USED),
         "not cleared",
     ),
-    "merging": Kind(
+    "merging": TableForm(
         "Stairs that people enter from a floor and from other stairs; the share is that of the floor while both came",
         ("stair", "floor", "people from stairs", "people from the floor", "share of the floor [%]"),
     ),
-    "lifts": Kind(
+    "lifts": TableForm(
         "Lifts; by hand: the time in which the cars of its bank bring as many people down, 10 % longer than full trips",
         (
             *("lift", "trips", "people", "mean load [%]", "mean wait [s]", "longest wait [s]"),
             *("last ride ends [s]", "by hand [s]"),
         ),
     ),
-    "flows": Kind(
+    "flows": TableForm(
         "Lines of the case, doors, and the portals with the greatest specific flows; flows.csv has all of them over"
         " time",
         ("kind", "name", "direction", "passages", *FLOW),

@@ -45,7 +45,7 @@ FORMAT = 3
 
 #: Name of the array that is the header, and kinds of the others: booleans, integers and floats.
 HEADER = "header"
-KINDS = "biuf"
+DTYPE_KINDS = "biuf"
 
 DIGEST_BYTES = hashlib.sha256().digest_size
 
@@ -93,7 +93,7 @@ class Header(_Table):
 def write_checkpoint(path: Path, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write a checkpoint to a temporary file, flush it to disk, and then replace the previous one atomically."""
     for name, array in arrays.items():
-        if array.dtype.kind not in KINDS:
+        if array.dtype.kind not in DTYPE_KINDS:
             raise ResultError(f"{path}: array {name!r} has type {array.dtype}; use booleans, integers or floats")
     text = json.dumps({**header, "format": FORMAT}, default=_plain)
     archive = io.BytesIO()

@@ -17,9 +17,9 @@ from evac.directions.routes import PREFERRED
 from evac.people.dispatcher import Car, Dispatcher, StopCall
 from evac.physics.extent import extent
 from evac.results.results import LiftUse
+from evac.simulation.changes import AT_ONCE
 from evac.simulation.doorways import REACH, nearest_points
 from evac.simulation.scene import Scene
-from evac.simulation.timetable import AT_ONCE
 
 #: Phases of a car: with closed doors, while these open, with open doors, while they close, on its way, and while those
 #: who do not fit step back.

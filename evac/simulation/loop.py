@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evac.base.phases import Progress
+from evac.base.progress import Progress
 from evac.results.ending import NO_PROGRESS, Stopped
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ class Operation:
     """Something that happens at ticks."""
 
     name: str
-    phase: str  # the phase of `evac.base.phases.PHASES` to which its wall time belongs
+    phase: str  # the phase of `evac.base.progress.PHASES` to which its wall time belongs
     act: Callable[[], object]  # called without arguments at each tick at which it is due
     # its trigger: returns whether it is due, when the operations before it have acted; None: at every tick
     is_due: Callable[[], bool] | None = None

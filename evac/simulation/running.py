@@ -14,7 +14,7 @@ from typing import Any, Self
 from evac.base.display import displayed
 from evac.base.errors import EvacError, FolderWarning, ResultError, ScenarioError, in_one_line, warn
 from evac.base.parameters import PATH, check_types
-from evac.base.phases import Progress
+from evac.base.progress import Progress
 from evac.case.case import Case
 from evac.case.loading import as_case
 from evac.contract.registry import Registry

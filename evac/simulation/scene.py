@@ -26,8 +26,8 @@ from evac.people.population import Population
 from evac.people.ways import without_way
 from evac.physics.state import World
 from evac.physics.world import make_world, set_open
+from evac.simulation.changes import AT_ONCE, CHANGE_KINDS, check
 from evac.simulation.doorways import Controls, begin_to_leave, clear_doorways, let_pass, turn_round
-from evac.simulation.timetable import AT_ONCE, KINDS, check
 
 if TYPE_CHECKING:
     from evac.directions.local import LocalWays
@@ -174,7 +174,7 @@ class Scene(Saved):
     def make(self, change: Change) -> None:
         """Make a change now that can be made, such as one of a car."""
         with nullcontext() if self.people is None else self.people.writable():
-            made = KINDS[change.kind].act(self, change)
+            made = CHANGE_KINDS[change.kind].act(self, change)
         if made is not None:
             given = {name: value for name, value in change.values.items() if name != "let_through"}
             self._of_lifts += change.kind == LIFT

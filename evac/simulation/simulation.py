@@ -14,7 +14,7 @@ from evac.base.arrays import FloatArray
 from evac.base.change import LIFT
 from evac.base.errors import EvacError, PluginError, naming, noting, plugin_code
 from evac.base.parameters import PATH, check_types
-from evac.base.phases import Phases, Progress
+from evac.base.progress import Phases, Progress
 from evac.base.saved import Saved, SavedError, part_of, state_of
 from evac.building.model.building import Building
 from evac.building.model.findings import Finding, as_findings, keyed, warnings_of

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import EvacError, ProcessWarning, SimulationError, in_one_line
-from evac.base.phases import Progress
 from evac.base.processes import Pool
+from evac.base.progress import Progress
 from evac.case.case import Case
 from evac.case.loading import case_from
 from evac.contract.registry import Registry

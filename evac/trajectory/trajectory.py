@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from pedpy import TrajectoryData, WalkableArea
 
     from evac.analysis.maps import LevelMaps
-    from evac.building.model.building import Ground
+    from evac.building.model.elevation import Ground
     from evac.physics.state import Crowd
 
 FORMAT = 4
@@ -324,14 +324,14 @@ class Trajectory:
     @cached_property
     def _grounds(self) -> "tuple[list[Ground], FloatArray]":
         """The ground of each level, and the rise of each per metre along x and y, (levels, 2)."""
-        from evac.building.model.building import gradients, ground_of
+        from evac.building.model.elevation import gradients, ground_of
 
         building = self.building
         return [ground_of(building.vertices, level) for level in building.levels], gradients(building)
 
     def __getitem__(self, k: int) -> Frame:
         """Return the people inside in frame `k`; negative indices count from the end."""
-        from evac.building.model.building import heights_on, in_space
+        from evac.building.model.elevation import heights_on, in_space
 
         grounds, gradients = self._grounds
         rows = self.rows[k]

@@ -7,7 +7,7 @@ import pytest
 
 from evac.base import display as progress
 from evac.base.display import Display, numbers_of
-from evac.base.phases import reading, told
+from evac.base.progress import reading, track
 from evac.simulation.simulation import Progress
 
 
@@ -54,7 +54,7 @@ def test_a_terminal_gets_a_bar(monkeypatch):
         display(Progress(3.0, 100.0, 8, 2))
     with Display() as display:
         display.phase("reading again")
-        assert [*told("opening doors", "abc", 3)] == [*"abc"]
+        assert [*track("opening doors", "abc", 3)] == [*"abc"]
     assert "reading the [case]" in screen.getvalue()
     assert "reading again" in screen.getvalue()
     assert "opening doors" not in screen.getvalue()  # which was over at once
@@ -69,9 +69,9 @@ def test_loops_tell_how_far_they_are(monkeypatch, capsys):
     monkeypatch.setattr(
         progress, "time", SimpleNamespace(perf_counter=lambda: next(clock))
     )  # not that of other threads
-    assert [*told("drawing", "abcd", 4)] == [*"abcd"]
+    assert [*track("drawing", "abcd", 4)] == [*"abcd"]
     with Display():
-        assert [*told("drawing", "abcd", 4)] == [*"abcd"]
+        assert [*track("drawing", "abcd", 4)] == [*"abcd"]
     with Display():
         reading(1)
         reading(2)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from evac.building.model.building import elevation
+from evac.building.model.elevation import elevation
 
 EXIT = {"name": "out", "segment": [[0, 0], [0, 2]], "z": 0.0}
 

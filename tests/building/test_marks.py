@@ -8,7 +8,8 @@ import shapely
 
 import evac
 from evac.base.change import Change
-from evac.building.model.links import changed, marks_of
+from evac.building.model.links import changed
+from evac.building.model.marks import marks_of
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,8 @@ from shapely import box
 
 from evac import BuildingError, Plan, load, read_building
 from evac.base.change import Change
-from evac.building.model.links import changed, marks_of
+from evac.building.model.links import changed
+from evac.building.model.marks import marks_of
 from evac.building.plan.plantable import plan_of
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.model.building import elevation
+from evac.building.model.elevation import elevation
 from evac.simulation.assembly import read_building
 
 EXIT = {"name": "out", "segment": [[0, 5], [0, 6]], "z": 0.0}

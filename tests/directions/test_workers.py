@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evac.base.phases import shown_by
+from evac.base.progress import shown_by
 from evac.directions import build
 from evac.directions.build import build_fields
 from evac.directions.march import marching
@@ -48,7 +48,7 @@ def _assert_ended(started):
 
 def test_the_levels_that_each_march_has_reached_are_told(building, monkeypatch):
     told = []
-    monkeypatch.setattr("evac.base.phases.shown_by", [*shown_by, lambda *steps: told.append(steps)])
+    monkeypatch.setattr("evac.base.progress.shown_by", [*shown_by, lambda *steps: told.append(steps)])
     build_fields(building, ROUTES[:2], clearance=0.0, workers=1)
     grids = [steps for steps in told if steps[0] == "laying grids"]
     assert grids == [("laying grids", k, 3) for k in range(4)]

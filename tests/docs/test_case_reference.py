@@ -1,6 +1,6 @@
 import pytest
 
-from evac.base.distributions import KINDS
+from evac.base.distributions import FAMILIES
 from evac.base.keys import table_of
 from evac.case.case import Case
 from tests.docs.conftest import table
@@ -39,7 +39,7 @@ def test_a_key_is_written_with_type_unit_and_default(line):
 
 
 def test_every_distribution_is_listed():
-    for name, numbers in KINDS.items():
+    for name, numbers in FAMILIES.items():
         assert f"| `{name}` | {', '.join(numbers)}" in table("case")
 
 

@@ -4,7 +4,7 @@ import pyvista
 
 from evac.base.errors import ResultError
 from evac.building.model.links import close_links
-from evac.export.vtk import KINDS, PolyData, building_blocks, export_vtk, vtp_bytes
+from evac.export.vtk import CELL_KINDS, PolyData, building_blocks, export_vtk, vtp_bytes
 from evac.trajectory.trajectory import TrajectoryWriter, building_to_json, read_trajectory
 
 
@@ -46,7 +46,7 @@ def test_building_has_its_parts_by_name_at_their_heights(exported):
         assert surface.bounds[4:] == pytest.approx((item.z_min, item.z_max))
         assert walls.bounds[4:] == pytest.approx((item.z_min, item.z_max))
         assert surface.cell_data["level"].tolist() == [item.index] * 2
-        assert {KINDS[kind] for kind in surface.cell_data["kind"]} == {item.kind}
+        assert {CELL_KINDS[kind] for kind in surface.cell_data["kind"]} == {item.kind}
         assert surface.field_data["level_names"].tolist() == levels
     for portal in trajectory.building.portals:
         line = blocks["portals"][portal.name]
@@ -61,7 +61,7 @@ def test_building_has_its_parts_by_name_at_their_heights(exported):
 def test_closed_exits_and_portals_are_kinds_of_their_own(building):
     kinds = {}
     for _, name, data in building_blocks(close_links(building, ["door", "portal 3"])):
-        kinds[name] = KINDS[data.cell_arrays["kind"][0]]
+        kinds[name] = CELL_KINDS[data.cell_arrays["kind"][0]]
     assert (kinds["door"], kinds["portal 3"], kinds["portal 2"]) == ("closed exit", "closed portal", "portal")
 
 

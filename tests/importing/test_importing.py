@@ -12,7 +12,7 @@ import shapely.affinity
 
 import evac
 from evac import BuildingError, ScenarioError, import_building, read_building
-from evac.building.model.findings import KINDS
+from evac.building.model.findings import FINDING_KINDS
 from evac.directions.build import least_spacing
 from evac.importing.rooms import fill, find_openings, find_rooms
 
@@ -132,7 +132,7 @@ def test_everything_in_a_file_is_kept(house, tmp_path):
         ("main", "stair", "0.00"),
     ]
     kinds = [finding.kind for finding in made.findings]
-    assert kinds == sorted(kinds, key=KINDS.index)
+    assert kinds == sorted(kinds, key=FINDING_KINDS.index)
     assert made.fault.startswith(str(made.folder)) or made.fault == ""
 
 

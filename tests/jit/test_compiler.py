@@ -69,7 +69,7 @@ def shipped_entries():
 def test_machine_code_needs_nothing_of_numba_or_python():
     entries = shipped_entries()
     labels = {entry.label for entry in entries}
-    assert {"evac.physics.driver.advance", "evac_plugins.contact_dem.spring"} < labels
+    assert {"evac.physics.stepping.advance", "evac_plugins.contact_dem.spring"} < labels
     needed = {label: needed_by(code) - ALLOWED for label, code in codes_of(entries).items()}
     assert {label: names for label, names in needed.items() if names} == {}
 

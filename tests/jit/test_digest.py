@@ -200,9 +200,9 @@ def test_every_process_has_the_same_digests():
     """Whatever the hashes of its strings are: files of one process are found by another one."""
     script = """
 from evac.jit.store import digest_of, versions
-from evac.physics import driver, force
+from evac.physics import stepping, force
 from evac_plugins import contact_dem, contact_nsm1, force_social
-entries = [driver.advance, force.add_forces, contact_dem.spring, contact_nsm1.project, force_social.social]
+entries = [stepping.advance, force.add_forces, contact_dem.spring, contact_nsm1.project, force_social.social]
 print(*(digest_of(entry, "cpu") for entry in entries))
 """
     found = {

@@ -12,10 +12,10 @@ import pyvista
 import evac
 from evac.cli.main import main
 from evac.cli.run import show_answer, show_results
-from evac.export.vtk import KINDS
+from evac.export.vtk import CELL_KINDS
 from evac.pictures.palette import NOTHING, PEOPLE, colouring, rgb
 from evac.report.of_run import run_report
-from evac.report.sections import Places
+from evac.report.sections import PlaceSettings
 from evac.results.ending import Stopped
 from tests.journeys.cases import JOURNEYS, SHIPPED
 from tests.journeys.recount import Map, Recount, distance_to, fixed, rows_of, steady, time_of
@@ -324,7 +324,7 @@ def report_of(run):
 
 
 def test_the_report_has_the_numbers_of_the_trajectory(run):
-    page = Page(run_report(run.folder, places=Places(maps=())))
+    page = Page(run_report(run.folder, places=PlaceSettings(maps=())))
     shown, computed = {}, {}
     for (words, *first), numbers in report_of(run).items():
         tables = [table["rows"] for table in page.tables if words in table["caption"]]
@@ -582,7 +582,7 @@ def test_the_animation_has_the_people_and_the_doors_of_each_time(run):
             for name in ("radius", "height"):
                 own = [float(run.people[one["person"]][name]) for one in here]
                 np.testing.assert_allclose(people[name], own, rtol=1e-6)
-        kinds = [KINDS[building["exits"][way["name"]].cell_data["kind"][0]] for way in run.building["exits"]]
+        kinds = [CELL_KINDS[building["exits"][way["name"]].cell_data["kind"][0]] for way in run.building["exits"]]
         assert kinds == ["exit" if run.is_open(way["name"], time) else "closed exit" for way in run.building["exits"]]
 
 

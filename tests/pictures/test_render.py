@@ -13,9 +13,9 @@ from evac.building.model.building import Place
 from evac.building.model.links import close_links
 from evac.pictures import palette
 from evac.pictures.floorplan import plan_view
+from evac.pictures.model3d import MARGIN, view_of
 from evac.pictures.palette import COLOURINGS, colouring
 from evac.pictures.render import HIDDEN, Renderer, draw_people, render_animation, render_picture
-from evac.pictures.scene import MARGIN, view_of
 from evac.pictures.view import Camera, aim
 from evac.trajectory.trajectory import TrajectoryWriter, building_to_json, read_trajectory
 from tests.three_storeys import crowd_at

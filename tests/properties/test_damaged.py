@@ -17,7 +17,7 @@ from evac.building.plan.plantable import plan_text, table_of
 from evac.contract.registry import Registry, built_in
 from evac.replay.writer import replay_trajectory
 from evac.report.of_run import run_report
-from evac.report.sections import Places
+from evac.report.sections import PlaceSettings
 from evac.simulation.simulation import Simulation
 from tests.building.test_indoormaps import osm
 from tests.ifcfiles import IfcFile, steps
@@ -222,7 +222,7 @@ def test_edited_tables_of_a_result_are_shown_or_refused_by_their_name(edit, seed
     trajectory = evac.read_trajectory(tmp_path / "r")
     shows = (
         lambda: replay_trajectory(trajectory, tmp_path / "replay.html"),
-        lambda: run_report(tmp_path / "r", places=Places(4.0, maps=())),
+        lambda: run_report(tmp_path / "r", places=PlaceSettings(4.0, maps=())),
     )
     for show in shows:
         told = name

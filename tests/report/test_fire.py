@@ -7,7 +7,7 @@ import pytest
 import evac
 from evac.replay.writer import account_of_run, texts
 from evac.report.of_run import run_report
-from evac.report.sections import Places
+from evac.report.sections import PlaceSettings
 from evac.results.verdict import bars
 from tests.conditions.corridor import corridor, prescribed
 
@@ -19,7 +19,7 @@ AIR = {"extinction": [0.0, 2.0], "co": [0, 4000], "co2": [0, 2], "o2": [20.9, 17
 def reported(folder, **tables):
     smoke = prescribed(times=[0, 20], values=AIR, hold=True)
     results = evac.run(corridor(smoke, positions=((0.5, 1.0), (20.0, 1.0)), **tables), folder)
-    return results, run_report(folder, places=Places(maps=()))
+    return results, run_report(folder, places=PlaceSettings(maps=()))
 
 
 def test_a_run_with_a_dose_has_its_numbers_and_times(tmp_path):
@@ -45,7 +45,7 @@ def test_a_run_with_a_dose_has_its_numbers_and_times(tmp_path):
 def test_the_verdict_and_the_times_of_compartments_are_those_of_the_results(tmp_path):
     report = {"project": "A house", "author": "B"}
     results = evac.run(corridor(report=report, safety={"available": 3.0, "factor": 2.0}), tmp_path / "r")
-    page = Page(run_report(tmp_path / "r", places=Places(maps=())))
+    page = Page(run_report(tmp_path / "r", places=PlaceSettings(maps=())))
     (row,) = page.table("Available and required times")[1:]
     left = results.levels["f"]["last_left"]
     times = [f"{time:.1f}" for time in (left, 3.0, 3.0 - left, 3.0 - 2.0 * left, 3.0 - left)]
@@ -68,6 +68,6 @@ def test_a_run_without_a_dose_says_so_and_one_without_conditions_has_no_section(
     assert "No dose was computed" in text
     assert "smoke, gases and heat on people are modelled" in text
     evac.run(corridor(), tmp_path / "clear")
-    text = run_report(tmp_path / "clear", places=Places(maps=()))
+    text = run_report(tmp_path / "clear", places=PlaceSettings(maps=()))
     assert "Smoke, gases and heat" not in text
     assert "Fire, smoke, heat, toxic gas" in text

@@ -18,7 +18,7 @@ from evac.case.loading import load_case
 from evac.evidence.validation.page import SUBJECTS
 from evac.report.of_run import run_report
 from evac.report.pages import Labels
-from evac.report.sections import Places
+from evac.report.sections import PlaceSettings
 from evac.report.verification import evidence, subject_like
 from evac.results.reading import read_results
 from evac.results.recordedcase import CaseTable
@@ -164,7 +164,7 @@ def test_people_left_inside_are_marked_on_the_plan(tmp_path):
     run = evac.run(case, tmp_path / "r", progress=False)
     inside = len(run.leaving) - run.evacuated
     assert inside
-    assert f"{inside} in all, as red marks" in run_report(tmp_path / "r", places=Places(maps=()))
+    assert f"{inside} in all, as red marks" in run_report(tmp_path / "r", places=PlaceSettings(maps=()))
 
 
 def test_shares_of_people_who_are_not_all_out():
@@ -184,14 +184,14 @@ def test_an_interrupted_run_has_a_banner(result):
         writer.writeheader()
         writer.writerows(row | {"exit": "", "exit_time": "", "end_level": "room"} for row in rows[:4])
         writer.writerows(rows[4:])
-    page = Page(run_report(result, places=Places(maps=())))
+    page = Page(run_report(result, places=PlaceSettings(maps=())))
     assert "interrupted" in page.text.partition("Project")[0]
     assert "4 of 14 people" in page.text.partition("Project")[0]
 
 
 def test_without_a_trajectory_the_checklist_says_what_is_missing(result):
     (result / "trajectory.evac").unlink()
-    page = Page(run_report(result, places=Places(maps=())))
+    page = Page(run_report(result, places=PlaceSettings(maps=())))
     assert page.lacks("building")
     assert page.lacks("congestion", "maps", "run_maps")
     assert not page.lacks("times", "statistics")
@@ -206,7 +206,7 @@ def test_damaged_files_are_named(result):
 def test_the_same_files_give_the_same_page(finished, text, monkeypatch):
     """The queues are found in the pass over the motion that makes the maps, and in none of their own."""
     monkeypatch.setattr("evac.results.results.find_queues", None)
-    again = run_report(finished, Labels(project="A hall", author=HOSTILE), places=Places(maps=("max_density",)))
+    again = run_report(finished, Labels(project="A hall", author=HOSTILE), places=PlaceSettings(maps=("max_density",)))
     head, _, rest = again.partition('<section id="congestion"')
     assert head.partition("<nav>")[0] in text
     assert rest.partition("</section>")[0] in text

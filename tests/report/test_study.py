@@ -9,7 +9,7 @@ import pytest
 
 import evac
 from evac.case.loading import load_case
-from evac.report.sections import Places
+from evac.report.sections import PlaceSettings
 from evac.report.study import is_study, study_report
 from tests.conditions.corridor import corridor, prescribed, two_storeys
 
@@ -119,7 +119,7 @@ def test_without_a_run_there_are_plans_but_no_course(study):
 
 def test_a_run_of_the_study_adds_plans_places_and_maps(study, tmp_path):
     evac.run(load_case("square_room", CASE | {"simulation.seed": 3}), tmp_path / "three")
-    page = Page(study_report(study, [tmp_path / "three"], places=Places(maps=("usage",))))
+    page = Page(study_report(study, [tmp_path / "three"], places=PlaceSettings(maps=("usage",))))
     assert page.table("Levels")[1][0] == "room"
     assert {"places", "congestion", "maps"} <= set(page.of("id"))
     assert not page.lacks("times")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.case.loading import load_case
-from evac.physics import driver
+from evac.physics import stepping
 from evac.physics.engine import CompiledEngine, Engine
 from evac.physics.motion import EXIT, desired_direction, desired_speed
 from evac.physics.seams import way_out
@@ -100,8 +100,8 @@ def test_an_engine_in_numpy_makes_the_same_run(free_walk, monkeypatch):
 def test_kernels_of_the_step_loop_are_compiled_for_their_engine_alone():
     case = walkers()
     scene = make_building(case), make_contact_model(case), make_forces(case), make_behaviours(case), False
-    assert driver.advance in run_kernels(case, CompiledEngine, *scene)
-    assert driver.advance not in run_kernels(case, FreeWalk, *scene)
+    assert stepping.advance in run_kernels(case, CompiledEngine, *scene)
+    assert stepping.advance not in run_kernels(case, FreeWalk, *scene)
 
 
 def test_a_run_with_another_engine_is_resumed(free_walk):

@@ -238,7 +238,7 @@ def test_the_mean_overlap_is_over_all_overlaps():
 
 def test_ticks_charge_their_phases(monkeypatch):
     """By a clock that goes on by one whenever it is looked at, each time that a phase is entered counts one."""
-    monkeypatch.setattr("evac.base.phases.time", SimpleNamespace(perf_counter=itertools.count(0.0).__next__))
+    monkeypatch.setattr("evac.base.progress.time", SimpleNamespace(perf_counter=itertools.count(0.0).__next__))
     simulation = Simulation(load_case("square_room"))
     before = simulation.phases.seconds()
     run_ticks(simulation, 3)

@@ -39,7 +39,7 @@ def numbered(name: str, taken: Container[str]) -> str:
 
 #: Kinds of findings, the worst first. Errors refuse the building; warnings are shown at every run, the others when a
 #: file is imported; what is missing, such as a stair that cannot be used, makes an import incomplete.
-KINDS = ("error", "missing", "warning", "left out", "assumed", "repaired", "found")
+FINDING_KINDS = ("error", "missing", "warning", "left out", "assumed", "repaired", "found")
 #: What differs between findings that tell the same of several things: names in quotation marks, and numbers.
 OWN = re.compile(r"'[^']*'|-?\d+(\.\d+)?")
 PART = re.compile(r" \(\d+\)$")  #: Number at the end of the name of a level that is one of several parts of its storey.
@@ -55,7 +55,7 @@ class Finding:
     level 'ground' at (1.00, 2.00): a gap of 3 mm closed
     """
 
-    kind: str  #: one of `KINDS`
+    kind: str  #: one of `FINDING_KINDS`
     text: str  #: description, with the action to take if there is one, without the place
     level: str | None = None  #: name of the level or storey
     place: tuple[float, ...] | None = None  #: position (x, y) on the level, or (x, y, z) [m]
@@ -67,8 +67,8 @@ class Finding:
     number: int = 1  #: number of these elements, in the file if they are found, else those that are concerned
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise ValueError(f"the kind of a finding must be one of {', '.join(KINDS)}, not {self.kind!r}")
+        if self.kind not in FINDING_KINDS:
+            raise ValueError(f"the kind of a finding must be one of {', '.join(FINDING_KINDS)}, not {self.kind!r}")
 
     @property
     def storey(self) -> str | None:

@@ -13,7 +13,8 @@ from evac.base.arrays import FloatArray
 from evac.base.change import ARRIVES, LEAVES, LIFT, OPENS, Change, LiftOptions
 from evac.base.errors import BuildingError
 from evac.base.parameters import did_you_mean
-from evac.building.model.building import Building, Jump, on_level, triangles_on
+from evac.building.model.building import Building, Jump
+from evac.building.model.elevation import on_level, triangles_on
 
 #: Distance of the place at the back of a car to which people walk from its walls, in a car that is wide enough [m].
 OFF_WALLS = 0.25

@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import FloatArray
 from evac.base.defaults import DOOR_REACH, LEAST_LENGTH
 from evac.base.errors import BuildingError, counted
-from evac.base.phases import reading, told
+from evac.base.progress import reading, track
 from evac.building.geometry import (
     GRID,
     LEAST_AREA,
@@ -206,7 +206,7 @@ class Drawing:
         near = {row: one for name, rows in by_storey.items() for row, one in self._near_doors(name, rows).items()}
         opened: dict[int, list[BaseGeometry]] = {}  # ground of doors between rooms, which further doors may meet
         outer: dict[str, list[BaseGeometry]] = {}
-        for row, door in enumerate(told("opening doors", self.plan.doors, len(self.plan.doors))):
+        for row, door in enumerate(track("opening doors", self.plan.doors, len(self.plan.doors))):
             around, rooms, earlier, beside = near[row]
             # If rooms are on both its sides, only what is between it and them matters.
             within = [one.polygon for one in beside if one is not None] if beside else [around]

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.base.phases import shown_by
+from evac.base.progress import shown_by
 
 if TYPE_CHECKING:
     from evac.base.processes import Pool

@@ -15,9 +15,10 @@ from evac.base.arrays import FloatArray
 from evac.base.defaults import LEAST_LENGTH
 from evac.base.errors import BuildingError
 from evac.base.keys import Point
-from evac.base.phases import reading
+from evac.base.progress import reading
 from evac.building.geometry import connected_components, flat_parts, place_of, segment_lengths, side_of, union
-from evac.building.model.building import Area, Building, Level, elevation, level_elevation
+from evac.building.model.building import Area, Building, Level
+from evac.building.model.elevation import elevation, level_elevation
 from evac.building.model.findings import Finding, item_of, noting, numbered, refusal
 from evac.building.model.links import close_links, isolated_parts, set_moving, with_controls
 from evac.building.options import BuildingOptions, ExitLine, Outline, SurfaceOptions

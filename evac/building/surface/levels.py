@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from evac.base.errors import BuildingError
 from evac.building.geometry import connected_components, segment_lengths, union
-from evac.building.model.building import Door, Exit, Level, Portal, level_elevation
+from evac.building.model.building import Door, Exit, Level, Portal
+from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding, item_of, numbered, refusal
 from evac.building.surface.surface import Surface
 

@@ -20,7 +20,8 @@ from evac.building.geometry import (
     sides,
     union,
 )
-from evac.building.model.building import Area, Building, Exit, Level, level_elevation
+from evac.building.model.building import Area, Building, Exit, Level
+from evac.building.model.elevation import level_elevation
 from evac.building.model.findings import Finding, item_of, noting, written
 from evac.building.options import ExitLine, Outline, Placed
 from evac.building.surface.levels import COLLINEAR, sorted_walls

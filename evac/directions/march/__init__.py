@@ -18,7 +18,7 @@ from evac.directions.routes import Route
 
 
 @dataclass(frozen=True)
-class Problem:
+class EikonalProblem:
     """What the travel times of a route follow from: |grad T| = slowness factor, with T = 0 or a cost at each end."""
 
     slowness: FloatArray  # (levels, 3) float64: cost per metre in plan, by level and use (flat, up, down) [s/m]
@@ -36,10 +36,10 @@ class Problem:
         return cls(slowness, factor, ends, barred_on(building, route), bool(route.lifts), is_plain)
 
 
-class Solver(ABC):
+class EikonalSolver(ABC):
     """A solver of a problem on the grids of a building."""
 
-    def __init__(self, grids: BuildingGrids, problem: Problem) -> None:
+    def __init__(self, grids: BuildingGrids, problem: EikonalProblem) -> None:
         self.grids, self.problem = grids, problem
 
     @abstractmethod

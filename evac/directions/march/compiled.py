@@ -13,7 +13,7 @@ from evac.base.arrays import BoolArray, FloatArray, IntArray
 from evac.building.model.building import FLAT, Area, Building, Exit
 from evac.directions.descent import Ways
 from evac.directions.lengths import strips_of
-from evac.directions.march import Problem, Solver
+from evac.directions.march import EikonalProblem, EikonalSolver
 from evac.directions.march.waves import APART, FAR, FINAL, MarchState, march_waves
 from evac.directions.raster.grids import BuildingGrids
 from evac.directions.raster.lattice import chain
@@ -30,7 +30,7 @@ def first_car(building: Building) -> int:
     return len(building.links)
 
 
-class CompiledMarch(Solver):
+class CompiledMarch(EikonalSolver):
     """The solver of fields that change during a run, by a wave through all levels.
 
     The march begins near the ends of ways, at nodes whose times are those of `ways.cost`, which the other solver found,
@@ -41,7 +41,7 @@ class CompiledMarch(Solver):
     """
 
     def __init__(
-        self, grids: BuildingGrids, problem: Problem, ways: Ways, gate_at: IntArray, hesitation: float
+        self, grids: BuildingGrids, problem: EikonalProblem, ways: Ways, gate_at: IntArray, hesitation: float
     ) -> None:
         super().__init__(grids, problem)
         exits = [end for end in problem.ends if isinstance(end, Exit)]

@@ -22,9 +22,9 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.base.phases import tell
+from evac.base.progress import show_steps
 from evac.building.model.building import DOWN, FLAT, UP, Area, Exit, Portal
-from evac.directions.march import Problem, Solver
+from evac.directions.march import EikonalProblem, EikonalSolver
 from evac.directions.raster.grids import OWN, RING, BuildingGrids, LevelGrid, use_towards
 from evac.directions.raster.lattice import SLACK, points_along
 from evac.jit.loading import cores
@@ -40,7 +40,7 @@ SLIT = 10.0
 ALIKE = 1e-9
 
 
-class FastMarching(Solver):
+class FastMarching(EikonalSolver):
     """The solver of fields that stand still, by scikit-fmm.
 
     A level is marched from the exits on it, and from each portal behind which the cost is lower. A march from a portal
@@ -52,7 +52,7 @@ class FastMarching(Solver):
     """
 
     def __init__(
-        self, grids: BuildingGrids, problem: Problem, order: int, told: Callable[[int], object] | None = None
+        self, grids: BuildingGrids, problem: EikonalProblem, order: int, told: Callable[[int], object] | None = None
     ) -> None:
         super().__init__(grids, problem)
         self.order, self.told = order, told
@@ -439,7 +439,7 @@ def number_of_workers(grids: BuildingGrids, marches: int, memory: float, wanted:
 
 
 def march_all(
-    grids: BuildingGrids, problems: Sequence[Problem], order: int, workers: int
+    grids: BuildingGrids, problems: Sequence[EikonalProblem], order: int, workers: int
 ) -> Generator[FloatArray, None, None]:
     """Yield the costs (nodes,) of problems in their order, with the same bits for any number of workers.
 
@@ -458,13 +458,13 @@ def march_all(
         levels, count = len(grids.levels), len(problems) * len(grids.levels)
         for number, problem in enumerate(problems):
             done = number * levels
-            tell(DIRECTIONS, done, count)
+            show_steps(DIRECTIONS, done, count)
             cost = _answer(futures.popleft()) if futures else None
             if cost is None:
-                told = partial(lambda before, reached: tell(DIRECTIONS, before + reached, count), done)
+                told = partial(lambda before, reached: show_steps(DIRECTIONS, before + reached, count), done)
                 cost = FastMarching(grids, problem, order, told).solve()
             yield cost
-        tell(DIRECTIONS, count, count)
+        show_steps(DIRECTIONS, count, count)
 
 
 def _answer(future: "Future[FloatArray]") -> FloatArray | None:
@@ -485,7 +485,7 @@ def _take(grids: BuildingGrids, order: int) -> None:
     _given.append((grids, order))
 
 
-def _march(problem: Problem) -> FloatArray:
+def _march(problem: EikonalProblem) -> FloatArray:
     """Return the costs of a problem."""
     ((grids, order),) = _given
     return FastMarching(grids, replace(problem, factor=np.broadcast_to(problem.factor, grids.size)), order).solve()

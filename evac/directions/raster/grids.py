@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shapely import maximum_inscribed_circle
 
 from evac.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from evac.base.phases import told
+from evac.base.progress import track
 from evac.building.model.building import DOWN, FLAT, UP, Area, Building, Door, Exit, Level, Link, Portal
 from evac.building.model.narrow import gaps_below, gaps_between_walls
 from evac.directions.raster.lattice import (
@@ -204,7 +204,7 @@ def build_grids(
     margin = _margin(spacing, clearance)
     own_windows = [lattice.window(level.polygon.bounds, margin) for level in building.levels]
     layers = _Layers(building, whole, own_windows, lasting, walls, clearance, margin, shared)
-    made = [layers.grid(level) for level in told("laying grids", building.levels, len(building.levels))]
+    made = [layers.grid(level) for level in track("laying grids", building.levels, len(building.levels))]
     grids = [(one.window, layers.renumbered(one.sheet, one.links, level)) for level, one in enumerate(made)]
     offsets = np.concatenate(([0], np.cumsum([sheet.size for _, sheet in grids])))
     level_grids = []

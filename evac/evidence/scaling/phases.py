@@ -3,10 +3,10 @@
 from evac.jit import kernel
 from evac.physics.contact.contacts import find_contacts
 from evac.physics.contact.neighbours import build_lists
-from evac.physics.driver import finish_step, open_step, undo_step
 from evac.physics.motion import drive, set_desired
 from evac.physics.state import State
 from evac.physics.status import OK
+from evac.physics.stepping import finish_step, open_step, undo_step
 
 
 @kernel

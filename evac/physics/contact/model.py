@@ -14,7 +14,7 @@ from evac.base.parameters import Configurable, Parameter
 from evac.contract.hooks import DEFAULT_SOLVER
 from evac.jit import Entry, Struct
 from evac.jit.kernels import Array
-from evac.physics import driver
+from evac.physics import stepping
 from evac.physics.state import Crowd, State, Traits, World, allocate
 from evac.physics.status import OK
 
@@ -199,13 +199,13 @@ class ContactModel(Configurable, ABC):
         """Make all steps of the clock; return a status, OK if all were made."""
         state = engine.data
         if self.law is not None:
-            return int(driver.advance(state))
+            return int(stepping.advance(state))
         clock = state.clock
         while clock.now < clock.last:
-            driver.open_step(state)
+            stepping.open_step(state)
             parts = clock.parts
             while (status := self._make_step(engine, parts)) != OK:
-                parts = driver.undo_step(state, status, parts)
+                parts = stepping.undo_step(state, status, parts)
                 if not parts:
                     return status
             clock.now += 1
@@ -215,11 +215,11 @@ class ContactModel(Configurable, ABC):
     def _make_step(self, engine: "CompiledEngine", parts: int) -> int:
         """Make one step in `parts` sub-steps, calling `step` from Python between the kernels of the step loop."""
         for part in range(parts):
-            driver.set_clock(engine.data, part, parts)
-            status = driver.prepare_step(engine.data)
+            stepping.set_clock(engine.data, part, parts)
+            status = stepping.prepare_step(engine.data)
             if status == OK:
                 self._call_step(engine)
-                status = driver.finish_step(engine.data)
+                status = stepping.finish_step(engine.data)
             if status != OK:
                 return int(status)
         return OK

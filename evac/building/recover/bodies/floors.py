@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.defaults import HEADROOM
-from evac.base.phases import told
+from evac.base.progress import track
 from evac.building.geometry import common, cut, place_of, united
 from evac.building.model.findings import Finding
 from evac.building.recover.bodies.body import SAME_HEIGHT, Body, closed, snapped, without_slivers
@@ -104,7 +104,7 @@ def floors_of(
     heights = _heights([body for body in bodies if body not in low], rules)
     names = _names(heights, storeys)
     floors = []
-    for height, name in told("reading floors", zip(heights, names, strict=True), len(heights)):
+    for height, name in track("reading floors", zip(heights, names, strict=True), len(heights)):
         height.name, height.bodies, height.passages = name, bodies, passages
         slabs = united(height.slabs)
         if height.spaces and slabs.is_empty and _is_above_roof(height):

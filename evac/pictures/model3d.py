@@ -12,8 +12,9 @@ from shapely.geometry.base import BaseGeometry
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from evac.base.arrays import FloatArray, IntArray
-from evac.building.model.building import Building, Exit, Level, Link, Place, on_level, triangles_on
-from evac.building.model.links import furniture_of, marks_of
+from evac.building.model.building import Building, Exit, Level, Link, Place
+from evac.building.model.elevation import on_level, triangles_on
+from evac.building.model.marks import furniture_of, marks_of
 from evac.pictures import palette
 from evac.pictures.palette import PLACES
 from evac.pictures.view import Camera, Label, View, aim

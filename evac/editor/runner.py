@@ -16,7 +16,7 @@ import numpy as np
 
 from evac.base.display import numbers_of
 from evac.base.errors import EvacError, ResultError, ScenarioError, counted
-from evac.base.phases import Progress
+from evac.base.progress import Progress
 from evac.case.loading import load_case
 from evac.editor.judging import storeys_of
 from evac.folder.files import (

@@ -344,3 +344,6 @@ def undo_step(state: State, status: int, parts: int) -> int:
     tally[entry] += 1.0
     state.tally_before[entry] += 1.0
     return 2 * parts if parts < GREATEST_PARTS and not is_thrown else 0
+
+
+CALLED_APART = [open_step, set_clock, prepare_step, finish_step, undo_step]  #: What `ContactModel.advance` calls.

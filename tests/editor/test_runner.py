@@ -13,7 +13,7 @@ import evac
 from evac.base.errors import ResultError
 from evac.cli.main import main
 from evac.editor import Session
-from evac.editor.running import Runner
+from evac.editor.runner import Runner
 
 
 @pytest.fixture

@@ -5,13 +5,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from evac.base.phases import PHASES, Phases
+from evac.base.progress import PHASES, Phases
 
 
 @pytest.fixture
 def counted(monkeypatch):
     """Return a clock for which one second passes whenever it is looked at."""
-    monkeypatch.setattr("evac.base.phases.time", SimpleNamespace(perf_counter=itertools.count(0.0).__next__))
+    monkeypatch.setattr("evac.base.progress.time", SimpleNamespace(perf_counter=itertools.count(0.0).__next__))
     return Phases()
 
 

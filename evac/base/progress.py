@@ -8,7 +8,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-#: What shows how far loops are, see `told`; the last is called with a description, the steps done, and their number.
+#: What shows how far loops are, see `track`; the last is called with a description, the steps done, and their number.
 shown_by: list[Callable[[str, int, int], None]] = []
 
 #: Phases in the order in which they begin. "preparation" is the time before the run that belongs to no other phase,
@@ -31,15 +31,15 @@ class Progress:
         return self.out == self.people or self.time >= self.duration
 
 
-def told(what: str, items: Iterable[T], count: int) -> Iterator[T]:
+def track(what: str, items: Iterable[T], count: int) -> Iterator[T]:
     """Yield `count` items, and report how many of them are done to the display, if there is one."""
     for done, item in enumerate(items):
-        tell(what, done, count)
+        show_steps(what, done, count)
         yield item
-    tell(what, count, count)
+    show_steps(what, count, count)
 
 
-def tell(what: str, done: int, count: int) -> None:
+def show_steps(what: str, done: int, count: int) -> None:
     """Have it shown, if a command does so, how many of some steps are done."""
     if shown_by:
         shown_by[-1](what, done, count)
@@ -47,7 +47,7 @@ def tell(what: str, done: int, count: int) -> None:
 
 def reading(stages: int) -> None:
     """Have it shown how many of the stages in which a building is made are done: surface, cleaning, levels."""
-    tell("reading the building", stages, 3)
+    show_steps("reading the building", stages, 3)
 
 
 class Phases:
