@@ -547,9 +547,7 @@ def step_from_walls(world, crowd, sights, motion, rule, i):
         w = world.bucket_wall[slot]
         if world.wall_open[w]:
             continue
-        distance, wx, wy = segment_distance(
-            world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3], x, y
-        )
+        distance, wx, wy = segment_distance(world.wall, w, x, y)
         if ex * (wx - x) + ey * (wy - y) < -GAP:  # behind
             continue
         if ex * (wy - y) - ey * (wx - x) > 0.0:
@@ -603,9 +601,7 @@ def squeeze_nobody(world, crowd, sights, seen, rule, i, vx, vy):
         w = world.bucket_wall[slot]
         if world.wall_open[w]:
             continue
-        distance, wx, wy = segment_distance(
-            world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3], x, y
-        )
+        distance, wx, wy = segment_distance(world.wall, w, x, y)
         if distance == 0.0:
             continue
         nx, ny = (wx - x) / distance, (wy - y) / distance

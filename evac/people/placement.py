@@ -224,7 +224,7 @@ def _is_clear(x: float, y: float, radius: float, segments: Quads, cells: _Cells)
         x1, y1, x2, y2 = segments[w, 0], segments[w, 1], segments[w, 2], segments[w, 3]
         if min(x1, x2) - x >= reach or x - max(x1, x2) >= reach or min(y1, y2) - y >= reach or y - max(y1, y2) >= reach:
             continue
-        if segment_distance(x1, y1, x2, y2, x, y)[0] < reach:
+        if segment_distance(segments, w, x, y)[0] < reach:
             return False
     return True
 

@@ -323,9 +323,7 @@ def off_walls(world: World, x: float, y: float, level: int, radius: float) -> tu
             w = world.bucket_wall[slot]
             if world.wall_open[w]:
                 continue
-            distance, wx, wy = segment_distance(
-                world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3], x, y
-            )
+            distance, wx, wy = segment_distance(world.wall, w, x, y)
             if 0.0 < distance < radius - OVERLAP:
                 x, y = x + (radius / distance - 1.0) * (x - wx), y + (radius / distance - 1.0) * (y - wy)
                 is_free = False

@@ -134,9 +134,7 @@ def _nearest_wall(state, i, reach):
     is_found = False
     for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
         w = lists.wall_item[slot]
-        distance, px, py = segment_distance(
-            world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3], x, y
-        )
+        distance, px, py = segment_distance(world.wall, w, x, y)
         if distance >= nearest or is_absent(world, bodies, w, i):
             continue
         if touches(state, bodies.level[i], x, y, world.wall_level[w], px, py):

@@ -168,8 +168,7 @@ def _crosses_wall(state, i, ax, ay, bx, by):
             continue
         if not passes_through(world.wall, w, ax, ay, bx, by):
             continue
-        x1, y1, x2, y2 = world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3]
-        _, px, py = segment_distance(x1, y1, x2, y2, ax, ay)
+        _, px, py = segment_distance(world.wall, w, ax, ay)
         if touches(state, bodies.level[i], ax, ay, world.wall_level[w], px, py):
             return True
     return False

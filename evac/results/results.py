@@ -746,29 +746,8 @@ def results_of(
 ) -> Results:
     """Return the results of a run, with the tables and quality warnings that follow from its data."""
     moves = lines.moves_of(building, start_level, crossings, crowd.exit_time, crowd.arrival_time)
-    levels = {level.name: moves.occupancy([level.index]) for level in building.levels if level.stair is None}
-    exits = lines.exit_table(building, crowd.exit_used, crowd.exit_time)
     names = [level.title for level in building.levels]
-    stairs = {
-        name: StairUse(
-            **moves.occupancy(own),
-            pieces={level.name: level.index for level in building.levels if level.index in own},
-            portals={one.name: one.index for one in building.portals if set(one.levels) <= set(own)},
-        )
-        for name, own in building.stairs.items()
-    }
-    models, behaviours = case.registry.contact_models, case.registry.behaviours
-    rigid = [name for name, model in models.items() if model.rigid and name != case.contact.model]
-    keepers = [name for name, behaviour in behaviours.items() if behaviour.keeps_distance]
-    keepers.sort(key=lambda name: name != DEFAULT_MOVEMENT)
-    advised = None if case.keeps_distance else keepers
-    quality = [
-        *(f"the building is incomplete: {one}" for one in building.findings if one.kind == "missing"),
-        *contact_warnings(report, rigid, advised, seen.get("overlaps")),
-        *([chatter_warning(seen["chatter"], names, rigid)] if "chatter" in seen else []),
-        *([crushing_warning(seen["crushing"], names, advised)] if "crushing" in seen else []),
-        *([density_warning(seen["dense"], names, advised)] if "dense" in seen else []),
-    ]
+    advised, quality = _quality(case, building, report, seen)
     start = start_level, others["start_position"]
     passages = np.bincount(crossings[1], minlength=len(building.portals)).tolist()
     return Results(
@@ -781,7 +760,7 @@ def results_of(
         start_level=start_level,
         crossings=crossings,
         report=plain(report),
-        exits=exits,
+        exits=lines.exit_table(building, crowd.exit_used, crowd.exit_time),
         portals={
             portal.name: PortalUse(
                 levels=(names[portal.levels[0]], names[portal.levels[1]]), width=portal.width, passages=passages[k]
@@ -789,14 +768,42 @@ def results_of(
             for k, portal in enumerate(building.portals)
             if names[portal.levels[0]] != names[portal.levels[1]]
         },
-        levels=levels,
-        stairs=stairs,
+        levels={level.name: moves.occupancy([level.index]) for level in building.levels if level.stair is None},
+        stairs={name: _stair_use(building, moves, own) for name, own in building.stairs.items()},
         phase=phases_of(case.phase, building, crowd, others["groups"], start, others.get("changes", ()), moves)
         if case.phase
         else (),
         doors=[DoorRow(name=door.name, level=names[door.level], width=door.width) for door in building.doors],
-        noticed=tuple(quality),
+        noticed=quality,
         advised=advised,
         keeps_distance=case.keeps_distance,
         **others,
+    )
+
+
+def _stair_use(building: Building, moves: lines.Moves, own: Sequence[int]) -> StairUse:
+    """Return the use of a stair, which consists of some levels."""
+    return StairUse(
+        **moves.occupancy(own),
+        pieces={level.name: level.index for level in building.levels if level.index in own},
+        portals={one.name: one.index for one in building.portals if set(one.levels) <= set(own)},
+    )
+
+
+def _quality(
+    case: "Case", building: Building, report: Mapping[str, Any], seen: Mapping[str, Observation]
+) -> tuple[list[str] | None, tuple[str, ...]]:
+    """Return the behaviours that keep distances, unless the case has one, and the quality warnings of a run."""
+    names = [level.title for level in building.levels]
+    models, behaviours = case.registry.contact_models, case.registry.behaviours
+    rigid = [name for name, model in models.items() if model.rigid and name != case.contact.model]
+    keepers = [name for name, behaviour in behaviours.items() if behaviour.keeps_distance]
+    keepers.sort(key=lambda name: name != DEFAULT_MOVEMENT)
+    advised = None if case.keeps_distance else keepers
+    return advised, (
+        *(f"the building is incomplete: {one}" for one in building.findings if one.kind == "missing"),
+        *contact_warnings(report, rigid, advised, seen.get("overlaps")),
+        *([chatter_warning(seen["chatter"], names, rigid)] if "chatter" in seen else []),
+        *([crushing_warning(seen["crushing"], names, advised)] if "crushing" in seen else []),
+        *([density_warning(seen["dense"], names, advised)] if "dense" in seen else []),
     )

@@ -2,9 +2,10 @@
 
 import inspect
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import fields
+from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,7 @@ def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = 
             errors.append(Finding("error", text, item=section, remedy=remedy))
             items = [items] if isinstance(items, Mapping) else []
         for index, item in enumerate(items):
-            errors += _added(plan, table, section, index, item, folder, prefix)
+            errors += _Row(plan, table, folder, prefix, section, index, item).add()
     if not errors:
         return plan
     plan.pieces = [piece for piece in plan.pieces if piece[0] not in plan.refused]
@@ -96,84 +97,107 @@ def _name(index: int, item: Any) -> str:
     return escaped(f"{(isinstance(item, Mapping) and item.get('name')) or index}")
 
 
-def _add(plan: Plan, section: str, index: int, item: Any, folder: Path, prefix: str = "") -> None:
-    """Add an item to a plan."""
-    add = getattr(plan, section.removesuffix("s"))
-    _check_keys(f"{plan.source}: {prefix}{section}.{_name(index, item)}", item, keys_of(section))
-    values = dict(item)
-    if section == "storeys" and isinstance(values.get("file"), str):
-        values["file"] = folder / values["file"]
-    add(**values)
+@dataclass(frozen=True)
+class _Row:
+    """An item of a section of a table, which is added to a plan."""
 
+    plan: Plan
+    table: Mapping[str, Any]
+    folder: Path
+    prefix: str
+    section: str
+    index: int
+    item: Any
 
-def _added(
-    plan: Plan, table: Mapping[str, Any], section: str, index: int, item: Any, folder: Path, prefix: str
-) -> list[Finding]:
-    """Add an item to a plan, as it is or with the remedies of its errors, which have been tried; return the errors."""
+    @cached_property
+    def names_missing(self) -> list[str]:
+        """The names that other items use, and that no item of the section has."""
+        given = [row.get("name") for row in self.table[self.section] if isinstance(row, Mapping)]
+        return [name for name in _used(self.table, self.section, self.item) if name not in given]
 
-    def refusal_of(row: Mapping[str, Any], trial: Plan) -> str | None:
+    def add(self) -> list[Finding]:
+        """Add the item, as it is or with the remedies of its errors, which have been tried; return the errors."""
+        if (refused := self.refusal_of(self.item, self.plan)) is None:
+            return []
+        found, right = self.mended(self.item, refused) if isinstance(self.item, Mapping) else ([(refused, "")], {})
+        if found[-1][1]:
+            self.add_to(self.plan, right)
+        elif self.section in ("storeys", "rooms"):
+            self.plan.refused.update([str(right["name"])] if "name" in right else self.names_missing)
+        elif self.section in PIECES:  # without which the others of its stair lead nowhere
+            self.plan.refused.update([str(right["stair"])] if "stair" in right else self.names_missing)
+        names = [right.get(one) for one in (["name"] if self.section == "storeys" else ["storey", "lower"])]
+        storey = next((one for one in names if isinstance(one, str)), None)
+        key, place = f"{self.section}.{_name(self.index, self.item)}", _place_of(right)
+        last = "" if self.plan.refused.intersection(_used(self.table, self.section, self.item)) else "remove it"
+        return [Finding("error", text, storey, place, key, remedy or last) for text, remedy in found]
+
+    def add_to(self, plan: Plan, row: Any) -> None:
+        """Add a row to a plan."""
+        _check_keys(f"{plan.source}: {self.prefix}{self.section}.{_name(self.index, row)}", row, keys_of(self.section))
+        values = dict(row)
+        if self.section == "storeys" and isinstance(values.get("file"), str):
+            values["file"] = self.folder / values["file"]
+        getattr(plan, self.section.removesuffix("s"))(**values)
+
+    def refusal_of(self, row: Any, trial: Plan) -> str | None:
+        """Add a row to a plan, and return why it is refused."""
         try:
-            _add(trial, section, index, row, folder, prefix)
+            self.add_to(trial, row)
         except BuildingError as error:
-            return str(error).removeprefix(f"{plan.source}: ")
+            return str(error).removeprefix(f"{self.plan.source}: ")
         return None
 
-    def misfits(row: Mapping[str, Any]) -> tuple[int, int]:
+    def misfits(self, row: Mapping[str, Any]) -> tuple[int, int]:
         """Return how many errors a row has on the storeys and rooms of the plan, and how many findings there are."""
-        if plan.files:  # which are read later
+        if self.plan.files:  # which are read later
             return 0, 0
-        trial = copied(plan)
+        trial = copied(self.plan)
         for others in SECTIONS[2:]:
             getattr(trial, "pieces" if others in PIECES else others).clear()
-        refusal_of(row, trial)
+        self.refusal_of(row, trial)
         drawing = Drawing(trial)
         drawing.mesh()
         return len(drawing.errors), len(drawing.findings)
 
-    def mended(row: Mapping[str, Any], text: str, most: int = 3) -> tuple[list[tuple[str, str]], Mapping[str, Any]]:
-        """Return the errors of a row with their remedies, each of which removes one, and the row without them."""
-        changes: list[tuple[str | None, Mapping[str, Any]]] = []
+    def changes_of(self, row: Mapping[str, Any]) -> Iterator[tuple[str | None, Mapping[str, Any]]]:
+        """Yield the changes of a row that may be meant, each with why the plan refuses it; of alike ones the best."""
         pieces: list[Sequence[Mapping[str, Any]]] = []
         with suppress(Exception):  # what is wrong with other pieces of the stair is told there
-            rows = [one for own in PIECES for one in table.get(own, ()) if one is not item]
-            pieces += ([{**row, **own}] for own in changes_of_piece(plan, section, row, rows) if section in PIECES)
-        for alike in [*pieces, *changes_of_refused(plan, section, row, unknown)]:
-            tried = [(refusal_of(changed, copied(plan)), changed) for changed in alike]
-            if len(fitting := [changed for again, changed in tried if again is None]) > 1 and section != "storeys":
-                tried = [(None, min(fitting, key=misfits))]
-            changes += tried
-        for again, changed in sorted(changes, key=lambda change: change[0] is not None):
+            rows = [one for own in PIECES for one in self.table.get(own, ()) if one is not self.item]
+            changes = changes_of_piece(self.plan, self.section, row, rows) if self.section in PIECES else ()
+            pieces += ([{**row, **own}] for own in changes)
+        for alike in [*pieces, *changes_of_refused(self.plan, self.section, row, self.names_missing)]:
+            tried = [(self.refusal_of(changed, copied(self.plan)), changed) for changed in alike]
+            fitting = [changed for again, changed in tried if again is None]
+            if len(fitting) > 1 and self.section != "storeys":
+                tried = [(None, min(fitting, key=self.misfits))]
+            yield from tried
+
+    def mended(
+        self, row: Mapping[str, Any], text: str, most: int = 3
+    ) -> tuple[list[tuple[str, str]], Mapping[str, Any]]:
+        """Return the errors of a row with their remedies, each of which removes one, and the row without them."""
+        for again, changed in sorted(self.changes_of(row), key=lambda change: change[0] is not None):
             if again is None:
                 return [(text, remedy_of(row, changed))], changed
             if again != text and most > 1:
-                further, right = mended(changed, again, most - 1)
+                further, right = self.mended(changed, again, most - 1)
                 if further[-1][1]:
                     return [(text, remedy_of(row, changed)), *further], right
         return [(text, "")], row
 
-    refused = refusal_of(item, plan)
-    if refused is None:
-        return []
-    given = [row.get("name") for row in table[section] if isinstance(row, Mapping)]
-    unknown = [name for name in _used(table, section, item) if name not in given]
-    found, right = mended(item, refused) if isinstance(item, Mapping) else ([(refused, "")], {})
-    key = f"{section}.{_name(index, item)}"
-    if found[-1][1]:
-        _add(plan, section, index, right, folder, prefix)
-    elif section in ("storeys", "rooms"):
-        plan.refused.update([str(right["name"])] if "name" in right else unknown)
-    elif section in PIECES:  # without which the others of its stair lead nowhere
-        plan.refused.update([str(right["stair"])] if "stair" in right else unknown)
-    names = [right.get(one) for one in (["name"] if section == "storeys" else ["storey", "lower"])]
-    storey, place = next((one for one in names if isinstance(one, str)), None), None
+
+def _place_of(row: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Return the middle of the last shape of a row, as far as it can be read."""
+    place = None
     for shape in ("segment", "polygon", "lower_edge", "foot"):
         with suppress(Exception):  # what is wrong with the shape is told already
-            given = right[shape]
+            given = row[shape]
             corners = shapely.get_coordinates(from_wkt(given)) if isinstance(given, str) else np.reshape(given, (-1, 2))
             x, y = corners.mean(axis=0)
             place = (float(x), float(y))
-    last = "" if plan.refused.intersection(_used(table, section, item)) else "remove it"
-    return [Finding("error", text, storey, place, key, remedy or last) for text, remedy in found]
+    return place
 
 
 def _used(table: Mapping[str, Any], section: str, item: Any) -> list[str]:

@@ -165,9 +165,7 @@ def _near_walls(state, i):
     nearest = 1e300
     for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
         w = lists.wall_item[slot]
-        distance, px, py = segment_distance(
-            world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3], x, y
-        )
+        distance, px, py = segment_distance(world.wall, w, x, y)
         if distance >= nearest and distance > limit:
             continue
         if is_absent(world, bodies, w, i) or not touches(state, level, x, y, world.wall_level[w], px, py):

@@ -96,10 +96,11 @@ def _divide(cells: Cells, n: int, position: FloatArray, level: IntArray) -> int:
 
 
 @inner
-def segment_distance(x1, y1, x2, y2, px, py):
-    """Return the distance of p from a segment [m], and the nearest point."""
-    dx = x2 - x1
-    dy = y2 - y1
+def segment_distance(segments, w, px, py):
+    """Return the distance of p from segment w of some [m], and the nearest point."""
+    x1, y1 = segments[w, 0], segments[w, 1]
+    dx = segments[w, 2] - x1
+    dy = segments[w, 3] - y1
     length2 = dx * dx + dy * dy
     share = 0.0
     if length2 > 0.0:
@@ -228,9 +229,7 @@ def _list_walls(world, bodies, lists):
                 low, high = walls_near(world, world.linked_level[world.linked_start[level] + k], x, y, limit)
                 for slot in range(low, high):
                     w = world.bucket_wall[slot]
-                    x1, y1, x2, y2 = world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3]
-                    is_near = _is_near(world.wall, w, x, y, limit)
-                    if is_near and segment_distance(x1, y1, x2, y2, x, y)[0] < limit:
+                    if _is_near(world.wall, w, x, y, limit) and segment_distance(world.wall, w, x, y)[0] < limit:
                         if used == capacity:
                             return WALLS_FULL
                         wall_item[used] = w
