@@ -326,7 +326,6 @@ class Helpers(Behaviour):
             velocity = self._scene.displacement_velocity
             there = have_stopped(self._scene.fields, crowd, rows[:1], velocity, self._place)
             if len(there) and not (away > LOST).any():
-                assert self._scene.scene.places is not None
                 self._scene.scene.places.take_in(person, self._place.name, time)
                 self._release(crowd, k, IS_THERE)
 

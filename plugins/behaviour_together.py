@@ -107,7 +107,6 @@ class Together(Behaviour):
         self._end_stages(crowd, time, is_inside)
         stage = self._stage[self._unit]
         crowd.speed_factor[self._rows[(stage != LEAVES) & (self._arrived == 1)]] = 0.0
-        assert self._scene.scene.places is not None
         is_there = self._scene.scene.places.arrived[self._rows]
         self._wait(crowd, time, is_inside & (stage == LEAVES) & ~is_there)
 
@@ -135,7 +134,6 @@ class Together(Behaviour):
         self._stage[ends], self._since[ends], self._counted[ends] = LEAVES, time, time
         if ends.any():
             places, rows = self._scene.scene.places, self._rows[ends[self._unit] & is_inside]
-            assert places is not None
             crowd.route[rows] = places.exit_routes(rows)
             places.assign(self._scene.scene.fields)
 

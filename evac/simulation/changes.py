@@ -52,7 +52,6 @@ def _check_building(scene: "Scene", change: Change) -> None:
 def _change_building(scene: "Scene", change: Change) -> Mapping[str, Any] | None:
     own = {}
     if change.kind == "close" and "value" not in change.values and scene.building.pieces_of(change.what):
-        assert scene.people is not None
         own = {"value": LEAVE} if len(scene.people.rows_in(scene.building, change.what)) else {}
     building = changed(scene.building, replace(change, values={**change.values, **own}))
     if building is scene.building:
@@ -63,8 +62,6 @@ def _change_building(scene: "Scene", change: Change) -> Mapping[str, Any] | None
 
 def _group_of(scene: "Scene", change: Change) -> tuple[int, IntArray, "Places"]:
     """Return the index of the group that a change is about, its rows, and the places."""
-    assert scene.people is not None
-    assert scene.places is not None
     names = [group.name for group in scene.people.groups]
     if change.what not in names:
         hint = did_you_mean(change.what, names)
@@ -106,7 +103,6 @@ def _change_strategy(scene: "Scene", change: Change) -> Mapping[str, Any] | None
 
 
 def _find_people(scene: "Scene", change: Change) -> None:
-    assert scene.people is not None
     scene.people.rows_in(scene.building, change.what)
 
 

@@ -91,7 +91,6 @@ class Lifts(Saved):
     growing = ("trips", "rides")
 
     def __init__(self, scene: Scene, dispatcher: Dispatcher) -> None:
-        assert scene.people is not None
         self._dispatcher = dispatcher
         self._scene, self._lifts, self._crowd = scene, scene.building.lifts, scene.people.crowd
         people = len(self._crowd.level)
@@ -174,7 +173,6 @@ class Lifts(Saved):
 
     def warnings(self) -> tuple[str, ...]:
         """Return a line for each group some of whose people wait for lifts of which none can carry them."""
-        assert self._scene.people is not None
         waits = np.array([one.lifts == PREFERRED or one.steepest is not None for one in self._scene.fields.routes])
         lost = waits[self._crowd.route] & ~self._carries.any(axis=0)
         lines = []
@@ -630,7 +628,6 @@ def lobbies_of(building: Building) -> list[Lobby]:
 
 def carry(scene: Scene, lift: Lift, origin: int, to: int) -> None:
     """Move the people of a car from the room of one stop to that of another; their places in plan stay."""
-    assert scene.people is not None
     crowd = scene.people.crowd
     rows = np.flatnonzero(crowd.level == lift.rooms[origin]).astype(np.int32)
     crowd.level[rows], crowd.passing[rows], crowd.ahead[rows] = lift.rooms[to], -1, 0.0

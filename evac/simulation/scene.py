@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from contextlib import nullcontext
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -61,14 +60,16 @@ class Scene(Saved):
     ----------
     shared_scene : SharedScene
         The initial state. It is not modified, so that several scenes may share it.
-    people : Population, optional
+    people : Population
         Those on the line of a link that closes are let through.
-    places : Places, optional
+    places : Places
         The refuges and assembly areas.
-    solve : callable, optional
+    solve : callable
         ``solve(building) -> Fields``, called with `Building.for_ways` when it has changed.
-    settings : Settings, optional
-        Of directions that follow the crowd; without them none do.
+    let_in : callable
+        Places people who were added.
+    settings : Settings
+        Of directions that follow the crowd.
     keeps_distances : bool
         Whether people keep distances, so that they walk round the crowd.
     """
@@ -82,11 +83,12 @@ class Scene(Saved):
     def __init__(
         self,
         shared_scene: SharedScene,
-        people: Population | None = None,
-        places: Places | None = None,
-        solve: Callable[[Building], Fields] | None = None,
-        settings: "Settings | None" = None,
-        keeps_distances: bool = False,
+        people: Population,
+        places: Places,
+        solve: Callable[[Building], Fields],
+        let_in: Callable[[], None],
+        settings: "Settings",
+        keeps_distances: bool,
     ) -> None:
         self.building, self.shared_scene = shared_scene.building, shared_scene
         self._settings, self._keeps_distances = settings, keeps_distances
@@ -105,12 +107,11 @@ class Scene(Saved):
         self._waiting: list[Change] = []
         self._new_ways: list[int] = []
         self.people, self.places = people, places
-        self.let_in: Callable[[], None] | None = None  # places people who were added; set by the simulation
         self._held: set[int] = set()  # closed links that let people through who stand on their lines
         self._owned: dict[str, LevelField] = {}
         self._in_barred: dict[str, NDArray[np.uint8]] = {}  # by area, how each person has been in it
-        self._solve = solve
-        number = 0 if people is None else len(people.crowd.level)
+        self._solve, self._let_in = solve, let_in
+        number = len(people.crowd.level)
         self.controls = Controls(number, len(self.building.links))  #: whom controlled links let through
         #: (n,): since when each person has no way left [s], NaN for those who have one
         self.cut_off_at = np.full(number, np.nan)
@@ -173,7 +174,7 @@ class Scene(Saved):
 
     def make(self, change: Change) -> None:
         """Make a change now that can be made, such as one of a car."""
-        with nullcontext() if self.people is None else self.people.writable():
+        with self.people.writable():
             made = CHANGE_KINDS[change.kind].act(self, change)
         if made is not None:
             given = {name: value for name, value in change.values.items() if name != "let_through"}
@@ -195,7 +196,6 @@ class Scene(Saved):
         ScenarioError
             There is nothing of this name.
         """
-        assert self.people is not None
         is_named = isinstance(where, str | shapely.Geometry)
         return self.people.rows_in(self.building, where if is_named else shapely.Polygon(where), level)
 
@@ -218,12 +218,10 @@ class Scene(Saved):
         ScenarioError
             The group has no reserve, or no more people in it, or the position is not on its level.
         """
-        assert self.people is not None
-        assert self.let_in is not None
         place = None if position is None else (float(position[0]), float(position[1]))
         with self.people.writable():
             person = self.people.add(self.building, group, self.time, place)
-            self.let_in()
+            self._let_in()
         return person
 
     def remove(self, rows: ArrayLike) -> None:
@@ -234,7 +232,6 @@ class Scene(Saved):
         rows : (k,) int
             Those who are not inside are left as they are.
         """
-        assert self.people is not None
         with self.people.writable():
             self.people.remove(self._rows(rows), self.time)
 
@@ -255,10 +252,8 @@ class Scene(Saved):
         if route not in self.fields.routes:
             known = "; ".join(map(str, self.fields.routes))
             raise ScenarioError(f"there are no directions for {route}, only {known}; give it to Simulation as `routes`")
-        assert self.people is not None
         chosen = self._rows(rows)
-        if self.places is not None:
-            self.places.release(chosen)
+        self.places.release(chosen)
         self.people.crowd.route[chosen] = self.fields.routes.index(route)
         self.begin_ways(chosen)
 
@@ -280,13 +275,11 @@ class Scene(Saved):
 
     def apply_waiting(self) -> None:
         """Apply the changes whose time has come, in the order of their times."""
-        if self.people is not None and (self._held or self.building.one_way or self.building.controls):
+        if self._held or self.building.one_way or self.building.controls:
             self._keep_open(clear_doorways(self.building, self.people.crowd))
         waiting, self._waiting = sorted(self._waiting, key=lambda change: change.time), []
         for change in waiting:
             self.apply(change)
-        if self.people is None:
-            return
         for name in sorted(self.building.emptying):
             if not len(self.people.rows_in(self.building, name)):
                 self.apply(Change(self.time, "close", name, {"value": ALL}))
@@ -350,8 +343,6 @@ class Scene(Saved):
         """Return fields for this scene alone: others if some of them follow the crowd."""
         self.smoky = None
         self._clear = fields
-        if self._settings is None:
-            return fields
         if any(route.follows_crowd for route in fields.routes):
             from evac.directions.quickest import Quickest
 
@@ -367,7 +358,6 @@ class Scene(Saved):
 
     def follow_crowd(self, tick: int, length: float) -> None:
         """Find the ways that follow the crowd again, if that is due at a tick of this length [s]."""
-        assert self.people is not None
         crowd = self.people.crowd
         of = crowd.level, crowd.position, crowd.route, crowd.contact_radius
         if self.quickest is not None and self.quickest.is_due(tick, length):
@@ -387,15 +377,13 @@ class Scene(Saved):
 
     def keep_doorway_open(self) -> None:
         """Let those people through who were on the lines of closed links when the state was saved."""
-        if self.people is not None:
-            crowd, passing = self.people.crowd, self.people.crowd.passing
-            is_free = (passing >= 0) & ~np.isin(passing, [*self.building.shut, *self._selective])
-            passing[is_free], crowd.ahead[is_free] = -1, 0.0
-            self._keep_open(set(passing[passing >= 0].tolist()))
+        crowd, passing = self.people.crowd, self.people.crowd.passing
+        is_free = (passing >= 0) & ~np.isin(passing, [*self.building.shut, *self._selective])
+        passing[is_free], crowd.ahead[is_free] = -1, 0.0
+        self._keep_open(set(passing[passing >= 0].tolist()))
 
     def act_on_areas(self) -> None:
         """Multiply the speed factors of people in slow areas, after behaviours; note who enters barred ones."""
-        assert self.people is not None
         for name, share in sorted(self.building.slowed):
             self.people.crowd.speed_factor[self.people.rows_in(self.building, name)] *= share
         for name in self.building.barred:
@@ -406,7 +394,6 @@ class Scene(Saved):
 
     def note_cut_off(self) -> None:
         """Note who has no way left, after a change and when people have chosen among those that are left."""
-        assert self.people is not None
         lost = without_way(self.fields, self.people.crowd)
         self.cut_off_at[~lost] = np.nan
         self.cut_off_at[lost & np.isnan(self.cut_off_at)] = self.time
@@ -419,7 +406,6 @@ class Scene(Saved):
 
     def _rows(self, rows: ArrayLike) -> IntArray:
         """Return rows of people, which may be given as a mask of all."""
-        assert self.people is not None
         given, number = np.atleast_1d(np.asarray(rows)), len(self.people.crowd.level)
         if given.dtype == np.bool_ and given.shape == (number,):
             return np.flatnonzero(given).astype(np.int32)
@@ -429,7 +415,6 @@ class Scene(Saved):
         return given.astype(np.int32)
 
     def _nobody(self) -> NDArray[np.uint8]:
-        assert self.people is not None
         return np.full(len(self.people.crowd.level), OUTSIDE, np.uint8)
 
     def _keep_open(self, links: set[int]) -> None:
@@ -439,7 +424,6 @@ class Scene(Saved):
         self._held = links & self.building.shut
         for link in self._held:
             set_open(self.world, link, 2)
-        assert self.people is not None
         let_pass(self.building, self.people.crowd)
 
     def _set_open(self, link: int) -> None:
@@ -462,21 +446,19 @@ class Scene(Saved):
         controlled = {link for link, _ in before.controls ^ building.controls}
         closing = building.shut - before.shut | controlled.intersection(building.controlled) - before.controlled.keys()
         turning = {link for link, _ in building.one_way - before.one_way} & building.directed.keys()
-        on_lines: list[int] = []
-        if self.people is not None:
-            on_lines = begin_to_leave(before, self.fields, self.people.crowd, closing)
-            turn_round(before, self.people.crowd, {link: building.directed[link] for link in turning - closing})
-            for name in building.barred - before.barred:
-                noted = self._in_barred.setdefault(name, self._nobody())
-                rows = self.people.rows_in(building, name)
-                noted[rows[noted[rows] == OUTSIDE]] = FROM_BEFORE
+        on_lines = begin_to_leave(before, self.fields, self.people.crowd, closing)
+        turn_round(before, self.people.crowd, {link: building.directed[link] for link in turning - closing})
+        for name in building.barred - before.barred:
+            noted = self._in_barred.setdefault(name, self._nobody())
+            rows = self.people.rows_in(building, name)
+            noted[rows[noted[rows] == OUTSIDE]] = FROM_BEFORE
         changing = before.closed ^ building.closed | controlled
         self.controls.reset(changing)
         for link in changing | {link for link, _ in before.one_way ^ building.one_way}:
             self._set_open(link)
         self.world.carry[:] = building.ground_velocity
         self.keep_doorway_open()
-        if self._solve is not None and building.for_ways.condition != before.for_ways.condition:
+        if building.for_ways.condition != before.for_ways.condition:
             self.fields = self._own_fields(self._solve(building.for_ways))
             self.world.fields = self.fields.packed
             self.ways_version += 1

@@ -181,9 +181,10 @@ class Simulation(Saved):
             crowd = self.population.crowd
             self.start_position, self.start_level = crowd.position.copy(), crowd.level.copy()
             self.displacement_velocity = crowd.velocity.copy()
-            everywhere = partial(solve, anywhere=True)
-            keeps = any(behaviour.keeps_distance for behaviour in behaviours)
-            self.scene = Scene(shared_scene, self.population, self.places, everywhere, case.directions.quickest, keeps)
+            everywhere, keeps = partial(solve, anywhere=True), any(behaviour.keeps_distance for behaviour in behaviours)
+            self.scene = Scene(
+                shared_scene, self.population, self.places, everywhere, self.let_in, case.directions.quickest, keeps
+            )
             self.timetable = Timetable(case, self.scene)
             self.lifts = assembly.make_lifts(case, self.scene)
             self.exposure = assembly.make_exposure(case, self.scene, self.population)
@@ -191,7 +192,6 @@ class Simulation(Saved):
             self.outside = PeopleOutside(building, crowd) if keeps else None
             self.deciding = Deciding(self, behaviours)
             self.behaviours = self.deciding.used
-            self.scene.let_in = self.let_in
         self.engine = assembly.make_engine(self, behaviours)
         self.watch = Watch(crowd.radius, settings.tick, case.output.every, promised)
         stopped = None if self.exposure is None else self.exposure.stopped

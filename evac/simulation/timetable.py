@@ -82,7 +82,6 @@ class Timetable(Saved):
     def _is_true(self, when: "WhenSettings") -> bool:
         """Return whether a condition is true now."""
         people = self._scene.people
-        assert people is not None
         if when.event is not None:
             return bool(self._happens[self._places[when.event]] <= self._scene.time + AT_ONCE)
         if when.out is not None:

@@ -9,7 +9,6 @@ from evac.conditions.dose import LETHAL, gas_rate, heat_rate, irritant_concentra
 from evac.conditions.exposure import Exposure
 from evac.people.population import Group
 from evac.physics.state import make_crowd
-from evac.simulation.scene import Scene
 from evac.simulation.shared import simulation_of
 from tests.conditions.corridor import standing
 
@@ -111,7 +110,7 @@ def exposed(people, dose=None, seed=1, groups=None, **air):
     crowd = make_crowd(np.full((people, 2), 1.0))
     groups = {"p": np.arange(people)} if groups is None else groups
     own = [Group(name, np.array(rows, np.int32), {}) for name, rows in groups.items()]
-    return Exposure(case, Scene(simulation.scene.shared_scene), crowd, own), simulation.fields
+    return Exposure(case, simulation.scene, crowd, own), simulation.fields
 
 
 def test_the_share_of_people_who_are_stopped_is_that_of_the_distribution():

@@ -9,7 +9,7 @@ from evac.people.behaviour import BehaviourScene
 from evac.people.outside import Outside, make_outside
 from evac.people.sights import Sights, list_near, look_round, make_sights
 from evac.physics.state import Crowd, World, make_crowd
-from evac.simulation.scene import Scene, SharedScene
+from evac.simulation.scene import SharedScene
 from tests.physics.scenes import make_building, uniform_fields
 
 
@@ -35,7 +35,7 @@ def test_those_ahead_of_either_direction_within_reach_are_listed():
     draw, n = np.random.default_rng(1), 300
     position = draw.uniform(-6.0, 6.0, (n, 2))
     crowd, outside, building = make_crowd(position), make_outside(n), make_building()
-    scene = Scene(SharedScene(building, uniform_fields(1)))
+    scene = SharedScene(building, uniform_fields(1))
     world = BehaviourScene(crowd, scene, (), draw, 0.1, outside).world
     sights = make_sights(n, 1)
     for i in range(100):

@@ -9,7 +9,7 @@ import shapely
 from evac.people.behaviour import BehaviourScene
 from evac.people.outside import make_outside
 from evac.physics.state import make_crowd
-from evac.simulation.scene import Scene, SharedScene
+from evac.simulation.scene import SharedScene
 from evac_plugins.behaviour_headway import Headway
 from evac_plugins.contact_nsm1 import Nsm1
 from tests.physics.scenes import fields_towards, make_building, make_engine, uniform_fields
@@ -21,7 +21,7 @@ def prepared(crowd, building=None, fields=None, outside=None, **parameters):
     """Return the behaviour, ready to act on a crowd."""
     building = building or make_building()
     behaviour = Headway(**parameters)
-    scene = Scene(SharedScene(building, fields or uniform_fields(len(building.levels))))
+    scene = SharedScene(building, fields or uniform_fields(len(building.levels)))
     outside = outside or make_outside(len(crowd.level))
     behaviour.prepare(BehaviourScene(crowd, scene, (), np.random.default_rng(1), 0.1, outside))
     return behaviour

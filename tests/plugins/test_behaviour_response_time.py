@@ -7,7 +7,7 @@ from shapely import box
 
 from evac.building.model.building import Area
 from evac.people.behaviour import BehaviourScene
-from evac.simulation.scene import Scene, SharedScene
+from evac.simulation.scene import SharedScene
 from evac_plugins.behaviour_response_time import ResponseTime
 
 UNIFORM = {"uniform": [0.0, 10.0]}
@@ -29,7 +29,7 @@ def scene(*groups, positions=None, levels=0, areas=AREAS, seed=1):
         group=np.repeat(np.arange(len(groups), dtype=np.int32), [number for _, number, _ in groups]),
         start_time=np.zeros(count),
     )
-    scene = Scene(SharedScene(SimpleNamespace(areas=areas, levels=range(2), links=()), SimpleNamespace(grids=())))
+    scene = SharedScene(SimpleNamespace(areas=areas, levels=range(2), links=()), SimpleNamespace(grids=()))
     return BehaviourScene(crowd, scene, tuple(made), np.random.default_rng(seed), 0.1)
 
 

@@ -11,7 +11,7 @@ from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.people.behaviour import BehaviourScene
 from evac.physics.state import make_crowd
-from evac.simulation.scene import Scene, SharedScene
+from evac.simulation.scene import SharedScene
 from evac.simulation.simulation import Simulation
 from evac_plugins.behaviour_teacher_following import TeacherFollowing
 
@@ -58,7 +58,7 @@ class Corridor:
         self.behaviour = TeacherFollowing(**parameters)
         self.scene = BehaviourScene(
             self.crowd,
-            Scene(SharedScene(SimpleNamespace(links=()), corridor_fields())),
+            SharedScene(SimpleNamespace(links=()), corridor_fields()),
             self.groups,
             np.random.default_rng(1),
             TICK,

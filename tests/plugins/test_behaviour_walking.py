@@ -13,7 +13,7 @@ from evac.evidence.mobility.page import flow_through
 from evac.people.behaviour import BehaviourScene
 from evac.people.outside import make_outside
 from evac.physics.state import make_crowd
-from evac.simulation.scene import Scene, SharedScene
+from evac.simulation.scene import SharedScene
 from evac.simulation.shared import simulation_of
 from evac.simulation.simulation import Simulation
 from evac_plugins.behaviour_walking import Walking
@@ -47,7 +47,7 @@ def acted(
     crowd = make_crowd(place, speed=SPEED, radius=max(0.22, radius), contact_radius=radius, start_time=start)
     crowd.route[:] = route
     building = building or make_building()
-    scene = Scene(SharedScene(building, uniform_fields(len(building.levels), *WAYS)))
+    scene = SharedScene(building, uniform_fields(len(building.levels), *WAYS))
     moved = np.array(np.broadcast_to(velocity, crowd.position.shape), dtype=np.float64)
     outside = make_outside(len(crowd.level))
     view = BehaviourScene(crowd, scene, (), np.random.default_rng(1), tick, outside, displacement_velocity=moved)

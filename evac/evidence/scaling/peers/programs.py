@@ -16,7 +16,7 @@ from evac.evidence.scenes import plugins
 from evac.people.behaviour import BehaviourScene
 from evac.people.outside import make_outside
 from evac.physics.contact.model import ContactModel
-from evac.simulation.scene import Scene, SharedScene
+from evac.simulation.scene import SharedScene
 
 
 class EvacWalk:
@@ -56,7 +56,7 @@ class BehaviourWalk(EvacWalk):
         crowd = self.walk.crowd
         self.behaviour = plugins().get("behaviour", behaviour)()
         crowd.contact_radius[:] = self.behaviour.contact_radius(crowd.radius, {})
-        scene = Scene(SharedScene(hall.building, hall.fields))
+        scene: Any = SharedScene(hall.building, hall.fields)  # nothing changes
         self.moved, outside = np.zeros((len(crowd.level), 2)), make_outside(len(crowd.level))
         self.behaviour.prepare(
             BehaviourScene(crowd, scene, (), np.random.default_rng(0), TICK, outside, displacement_velocity=self.moved)
