@@ -219,15 +219,13 @@ def _check_manifest(folder: Path, manifest: files.Manifest) -> str:
 
 
 def _check_digest(folder: Path, name: str, digest: str) -> str:
-    from evac.folder.files import digest_of_file
-
     what = next((command for start, command in WRITTEN_AGAIN.items() if name.startswith(start)), "")
     remedy = f"evac {what} {folder} writes it again" if what else "run the case again"
     if (folder / files.STUDY_NAME).exists() and not what and name != files.STUDY_NAME:
         remedy = "the same command with --resume writes it again"
     if not (folder / name).exists():
         raise ResultError(f"{folder / name}: {remedy}")
-    if digest_of_file(folder / name) != digest:
+    if files.digest_of_file(folder / name) != digest:
         raise ResultError(f"{folder / name}: has changed since it was written; {remedy}")
     return ""
 
@@ -247,12 +245,11 @@ def _check_trajectory(path: Path, is_complete: bool) -> str:
 
 def _check_checkpoint(path: Path) -> str:
     """Verify a checkpoint, and what the files of its folder contained when it was written."""
-    from evac.folder.files import RunningDigest
     from evac.simulation.checkpoints import checkpoint_at
 
     checkpoint = checkpoint_at(path)
     for name, (length, digest) in checkpoint.files.items():
-        if RunningDigest().extend(path.parent / name, length) != digest:
+        if files.RunningDigest().extend(path.parent / name, length) != digest:
             raise ResultError(
                 f"{path}: cannot be resumed, because {name} has changed before byte {length}; run the case again"
             )

@@ -21,7 +21,7 @@ from evac.building.model.findings import Finding
 from evac.building.surface.places import HEIGHT_REACH
 from evac.directions.fields import Fields
 from evac.people.behaviour import Behaviour, is_legal
-from evac.people.groups import check_people, contact_radii, opens_later, route_of
+from evac.people.groups import contact_radii, opens_later, route_of
 from evac.people.placement import clearance, place
 from evac.people.starts import LeftOut, Source, left_out, start_in, starts_of, times_of_arrival
 from evac.physics.motion import EXIT
@@ -263,7 +263,6 @@ def build_population(
     independent of other groups and quantities, the contact model and the step. People with given positions are
     placed first; people in areas do not overlap them. Given positions may overlap each other, but not walls.
     """
-    check_people(case, building)
     due = {people.name: times_of_arrival(people, seed) for people in case.people if people.arrive is not None}
     counts = [len(due[people.name]) if people.name in due else people.count for people in case.people]
     if not any(counts):
@@ -282,7 +281,7 @@ def build_population(
     )
     for index, (people, group) in enumerate(zip(case.people, groups, strict=True)):
         crowd.group[group.rows] = index
-        crowd.route[group.rows] = _route_index(case, people, fields)
+        crowd.route[group.rows] = fields.routes.index(route_of(people))
         with naming(case.source):
             _draw_quantities(crowd, people, group.rows, seed if own is None else own)
         drawn = crowd.radius[group.rows]
@@ -304,15 +303,6 @@ def build_population(
     staying = np.concatenate([np.zeros(0, np.int32), *stay])
     crowd.start_time[staying] = np.inf
     return Population(crowd, groups, building, len(fields.routes), staying, sources, tuple(dict.fromkeys(findings)))
-
-
-def _route_index(case: "Case", people: "GroupSettings", fields: Fields) -> int:
-    route = route_of(people)
-    if route not in fields.routes:
-        raise ScenarioError(
-            f"{case.source}: people.{people.name}: the fields lack {route!r}; build them for routes_of(case)"
-        )
-    return fields.routes.index(route)
 
 
 def _draw_quantities(crowd: Crowd, people: "GroupSettings", rows: IntArray, seed: int) -> None:

@@ -51,9 +51,8 @@ class View:
     side: tuple[int, int, int, int]  # left, top, right and bottom of the space for a legend [pixels]
 
 
-AZIMUTH = (
-    -70.0
-)  # from the side of low y and a little from the right: what is left in plan is left in the picture [degrees]
+#: From the side of low y and a little from the right: what is left in plan is left in the picture [degrees].
+AZIMUTH = -70.0
 ELEVATION_FLAT, ELEVATION = 58.0, 36.0  # angle above the horizontal for one storey, for several [degrees]
 CLEARANCE = 0.9  # share of a storey that is visible below the one above
 

@@ -44,13 +44,8 @@ ENGINE = CompiledEngine
 
 def make_building(case: "Case") -> Building:
     """Return the building of a case, read from its file or its plan."""
-    if case.building.plan is not None:
-        read: SurfaceMesh | Plan = _plan_of(case)
-    else:
-        assert case.mesh is not None
-        read = read_file(_importer(case, case.mesh), case.mesh)
-    building = _built(read, case.registry, case.mesh or case.source, case.building)
-    return with_places(case, building)
+    read = _plan_of(case) if case.mesh is None else read_file(_importer(case, case.mesh), case.mesh)
+    return with_places(case, _built(read, case.registry, case.mesh or case.source, case.building))
 
 
 def _plan_of(case: "Case") -> "Plan":
@@ -111,9 +106,8 @@ def _built(
 
 def files_of_building(case: "Case", importers: "Sequence[Importer]") -> Sequence[Path]:
     """Return the files that the building is read from."""
-    if case.building.plan is not None:
+    if case.mesh is None:
         return _plan_of(case).files
-    assert case.mesh is not None
     return _called(importers[0], case.mesh, importers[0].files)
 
 
