@@ -164,9 +164,7 @@ def _crosses_wall(state, i, ax, ay, bx, by):
     world, bodies, lists = state.world, state.bodies, state.lists
     for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
         w = lists.wall_item[slot]
-        if is_absent(world, bodies, w, i):
-            continue
-        if not passes_through(world.wall, w, ax, ay, bx, by):
+        if is_absent(world, bodies, w, i) or not passes_through(world.wall, w, ax, ay, bx, by):
             continue
         _, px, py = segment_distance(world.wall, w, ax, ay)
         if touches(state, bodies.level[i], ax, ay, world.wall_level[w], px, py):

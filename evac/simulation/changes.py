@@ -45,10 +45,6 @@ def check(scene: "Scene", change: Change) -> None:
     CHANGE_KINDS[change.kind].check(scene, change)
 
 
-def _check_building(scene: "Scene", change: Change) -> None:
-    changed(scene.building, change)
-
-
 def _change_building(scene: "Scene", change: Change) -> Mapping[str, Any] | None:
     own = {}
     if change.kind == "close" and "value" not in change.values and scene.building.pieces_of(change.what):
@@ -102,10 +98,6 @@ def _change_strategy(scene: "Scene", change: Change) -> Mapping[str, Any] | None
     return {}
 
 
-def _find_people(scene: "Scene", change: Change) -> None:
-    scene.people.rows_in(scene.building, change.what)
-
-
 def _refuse_lift(scene: "Scene", change: Change) -> None:
     """Refuse what only cars do."""
     raise ScenarioError(
@@ -127,12 +119,13 @@ def _change_lift(scene: "Scene", change: Change) -> Mapping[str, Any] | None:
     return {}
 
 
-_BUILDING = ChangeKind(_check_building, _change_building)
+_BUILDING = ChangeKind(lambda scene, change: changed(scene.building, change), _change_building)
 
 #: All kinds of change.
 CHANGE_KINDS = {
     **dict.fromkeys(("open", "close", "no_entry", "control", "one_way", "move", "slow", "bar"), _BUILDING),
     "strategy": ChangeKind(_check_strategy, _change_strategy),
-    "alarm": ChangeKind(_find_people, lambda scene, change: {}),  # on which behaviours act
+    # Behaviours act on alarms.
+    "alarm": ChangeKind(lambda scene, change: scene.people_in(change.what), lambda scene, change: {}),
     LIFT: ChangeKind(_refuse_lift, _change_lift),
 }

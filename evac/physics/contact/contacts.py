@@ -320,24 +320,22 @@ def _append(state, c, slot, i, other, key, nx, ny, gap, omega):
 @inner
 def normal_velocity(velocity, contacts, c):
     """Return the normal velocity of contact c [m/s], positive if the contact opens."""
-    i = contacts.body[c]
-    j = contacts.other[c]
-    nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
-    w = nx * velocity[i, 0] + ny * velocity[i, 1]
-    if j >= 0:
-        w -= nx * velocity[j, 0] + ny * velocity[j, 1]
-    return w
+    return _velocity_along(velocity, contacts, c, contacts.normal[c, 0], contacts.normal[c, 1])
 
 
 @inner
 def tangential_velocity(velocity, contacts, c):
     """Return the velocity of contact c along (-ny, nx) [m/s]."""
-    i = contacts.body[c]
-    j = contacts.other[c]
-    tx, ty = -contacts.normal[c, 1], contacts.normal[c, 0]
-    w = tx * velocity[i, 0] + ty * velocity[i, 1]
+    return _velocity_along(velocity, contacts, c, -contacts.normal[c, 1], contacts.normal[c, 0])
+
+
+@inner
+def _velocity_along(velocity, contacts, c, x, y):
+    """Return the velocity of the body of contact c, relative to the other one or the wall, along (x, y) [m/s]."""
+    i, j = contacts.body[c], contacts.other[c]
+    w = x * velocity[i, 0] + y * velocity[i, 1]
     if j >= 0:
-        w -= tx * velocity[j, 0] + ty * velocity[j, 1]
+        w -= x * velocity[j, 0] + y * velocity[j, 1]
     return w
 
 
