@@ -22,7 +22,7 @@ from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
     from evac.case.case import Case
-    from evac.case.schema import CriteriaSettings
+    from evac.case.schema import CriteriaSettings, SafetySettings
     from evac.conditions.air import Air
 
 #: Least side of the cells of floors [m], and least time between two readings of the air [s].
@@ -73,23 +73,22 @@ def _parts_in(polygon: shapely.Geometry, boxes: NDArray[np.object_]) -> NDArray[
     return parts
 
 
-def compartments_of(case: "Case", building: Building) -> list[Compartment]:
+def compartments_of(case: "Case", settings: "SafetySettings", building: Building) -> list[Compartment]:
     """Return the compartments of a case with a table [safety]: those that it states, or each storey and stair.
 
     A time given by hand for all of these is one for the building, too. No other compartment counts until they are out
     those who come from above and walk through the ground floor.
     """
-    assert case.safety is not None
     if case.compartment:
         found = []
         for one in case.compartment:
             where = f"{case.source}: compartment.{one.name}"
             levels, stairs, areas = _parts(building, one.of or (one.name,), f"{where}.of")
             without = _parts(building, one.without, f"{where}.without")[2]
-            limits, share = _limits(case, where, one, case.safety)
+            limits, share = _limits(case, where, one, settings)
             found.append(Compartment(one.name, levels, stairs, areas, without, one.everybody, limits, share))
         return found
-    limits, share = _limits(case, f"{case.source}: safety", case.safety)
+    limits, share = _limits(case, f"{case.source}: safety", settings)
     floors = {name: {level.index for level in levels if level.stair is None} for name, levels in building.storeys}
     parts = [(name, own, frozenset[int]()) for name, own in floors.items()]
     parts += [(name, set(own), frozenset(own)) for name, own in building.stairs.items()]
@@ -193,15 +192,15 @@ class Safety(Saved):
     def __init__(
         self,
         case: "Case",
+        settings: "SafetySettings",
         building: Building,
         crowd: Crowd,
         air: "Air | None",
         exempt: IntArray,
         known: dict[Hashable, Floors],
     ) -> None:
-        assert case.safety is not None
-        self._case, self._crowd, self._air = case, crowd, air
-        self.compartments = compartments_of(case, building)
+        self._case, self._settings, self._crowd, self._air = case, settings, crowd, air
+        self.compartments = compartments_of(case, settings, building)
         n, number = len(crowd.level), len(self.compartments)
         self._leaves = np.ones(n, np.bool_)
         self._leaves[exempt] = False
@@ -270,8 +269,7 @@ class Safety(Saved):
         self._times, self._doses = np.zeros(1), np.zeros((1, 2, n), np.float32)
         if self._air is None or not limits:
             return
-        assert case.safety is not None
-        self.until = min(case.safety.factor * case.simulation.duration, self._air.last)
+        self.until = min(self._settings.factor * case.simulation.duration, self._air.last)
         number = max(1, min(math.ceil(self.until / PERIOD), MOST_READINGS // max(n, 1)))
         self._times = np.minimum(max(PERIOD, self.until / number) * np.arange(number + 1), self.until)
         self._doses = np.zeros((number + 1 if dose is not None else 1, 2, n), np.float32)
@@ -384,20 +382,16 @@ class Safety(Saved):
         People who cross a link in the tick in which they left a compartment left it at that time.
         """
         person, _, times = crossings
-        left, tick = (
-            np.fmin(self.left, np.where(np.isnan(self.left), np.nan, self._crowd.exit_time)),
-            self._case.simulation.tick,
-        )
+        left = np.fmin(self.left, np.where(np.isnan(self.left), np.nan, self._crowd.exit_time))
+        tick = self._case.simulation.tick
         for own in left:
             near = (times <= own[person]) & (times > own[person] - tick)
             own[person[near]] = times[near]
-        safety = self._case.safety
-        assert safety is not None
         least = np.where(np.isinf(self.least), np.nan, self.least)
         return {
             "safety": {
-                "factor": safety.factor,
-                "percentile": safety.percentile,
+                "factor": self._settings.factor,
+                "percentile": self._settings.percentile,
                 "compartments": list(self._rows(left)),
             },
             "margins": {"least_margin": least, "least_margin_at": self.least_at.copy()},

@@ -202,7 +202,7 @@ def make_safety(case: "Case", scene: SharedScene, people: Population, exposure: 
     from evac.conditions.safety import Safety
 
     air = None if exposure is None else exposure.air
-    return Safety(case, scene.building, people.crowd, air, people.staying, scene.floors)
+    return Safety(case, case.safety, scene.building, people.crowd, air, people.staying, scene.floors)
 
 
 def make_engine(simulation: "Simulation", behaviours: Sequence[Behaviour]) -> Engine:

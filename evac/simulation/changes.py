@@ -45,6 +45,10 @@ def check(scene: "Scene", change: Change) -> None:
     CHANGE_KINDS[change.kind].check(scene, change)
 
 
+def _check_building(scene: "Scene", change: Change) -> None:
+    changed(scene.building, change)
+
+
 def _change_building(scene: "Scene", change: Change) -> Mapping[str, Any] | None:
     own = {}
     if change.kind == "close" and "value" not in change.values and scene.building.pieces_of(change.what):
@@ -119,7 +123,7 @@ def _change_lift(scene: "Scene", change: Change) -> Mapping[str, Any] | None:
     return {}
 
 
-_BUILDING = ChangeKind(lambda scene, change: changed(scene.building, change), _change_building)
+_BUILDING = ChangeKind(_check_building, _change_building)
 
 #: All kinds of change.
 CHANGE_KINDS = {
