@@ -28,6 +28,13 @@ class Occupancy(TypedDict):
     last_left: Amount | None
 
 
+class StairUse(Occupancy):
+    """Use of a stair, and the indices of its pieces among all levels and of the portals within it."""
+
+    pieces: Mapping[str, Count]
+    portals: Mapping[str, Count]
+
+
 @dataclass(frozen=True)
 class Moves:
     """All changes of level in a run, in order of time."""
@@ -145,6 +152,20 @@ class ExitUse(TypedDict):
     width: Amount
     flow: Amount | None
     flow_per_metre: Amount | None
+
+
+def use_of_levels(building: Building, moves: Moves) -> tuple[dict[str, Occupancy], dict[str, StairUse]]:
+    """Return the use of the levels that are no pieces of stairs, and of the stairs, by name."""
+    levels = {level.name: moves.occupancy([level.index]) for level in building.levels if level.stair is None}
+    stairs = {
+        name: StairUse(
+            **moves.occupancy(own),
+            pieces={level.name: level.index for level in building.levels if level.index in own},
+            portals={one.name: one.index for one in building.portals if set(one.levels) <= set(own)},
+        )
+        for name, own in building.stairs.items()
+    }
+    return levels, stairs
 
 
 def exit_table(building: Building, exit_used: IntArray, exit_time: FloatArray) -> Mapping[str, ExitUse]:

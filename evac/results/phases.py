@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from typing_extensions import TypedDict
 
-from evac.analysis.lines import Moves
+from evac.analysis.lines import Occupancy
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
 from evac.building.model.building import Building
@@ -39,18 +39,19 @@ def phases_of(
     groups: Sequence[Group],
     start: tuple[IntArray, FloatArray],
     changes: Sequence[Change],
-    moves: Moves,
+    used: Mapping[str, Occupancy],
 ) -> list[PhaseUse]:
-    """Return what became of each phase; its people are those whose start (levels, positions [m]) was in its places."""
+    """Return what became of each phase; its people are those whose start (levels, positions [m]) was in its places.
+
+    `used`: the use of levels and stairs, by name.
+    """
     uses = []
     for phase in phases:
         rows = np.unique(np.concatenate([_starting(name, building, groups, *start) for name in phase.of]))
         alarms = [change.time for change in changes if change.kind == "alarm" and change.what in phase.of]
         starts = crowd.start_time[rows][np.isfinite(crowd.start_time[rows])]
-        out, levels = crowd.exit_time[rows], {}
-        for title in dict.fromkeys(building.levels[level].title for level in np.unique(start[0][rows]).tolist()):
-            own = [level.index for level in building.levels if level.title == title]
-            levels[title] = moves.occupancy(own)["last_left"]
+        out = crowd.exit_time[rows]
+        titles = dict.fromkeys(building.levels[level].title for level in np.unique(start[0][rows]).tolist())
         uses.append(
             PhaseUse(
                 name=phase.name,
@@ -60,7 +61,7 @@ def phases_of(
                 first_start=float(starts.min()) if len(starts) else None,
                 last_start=float(starts.max()) if len(starts) else None,
                 last_out=float(out.max()) if len(out) and np.isfinite(out).all() else None,
-                clear=levels,
+                clear={title: used[title]["last_left"] for title in titles},
             )
         )
     return uses

@@ -14,10 +14,12 @@ from evac.base.arrays import FloatArray
 from evac.base.change import Change, changes_in_words
 from evac.base.errors import counted
 from evac.building.model.building import FLAT, Building, Exit
+from evac.contract.hooks import DEFAULT_MOVEMENT
 from evac.directions.routes import QUICKEST
 from evac.results.ending import CRUSHING_FORCE, CRUSHING_LOAD, DENSITY, DENSITY_SPAN, Observation
 
 if TYPE_CHECKING:
+    from evac.case.case import Case
     from evac.results.results import Results
 
 #: Flow of an exit below which something is in its way while people queue [1/(m s)]; a queue is of so many people per
@@ -28,6 +30,25 @@ QUEUE_SPAN = 10.0
 
 BESIDE = 0.5  #: Gap between bodies within which people at a place are in the way of somebody without progress [m].
 MADE = 0.01  #: Net energy created by contacts is reported if it exceeds this share of the work of driving.
+
+
+def noticed_of(
+    case: "Case", building: Building, report: Mapping[str, Any], seen: Mapping[str, Observation]
+) -> tuple[list[str] | None, tuple[str, ...]]:
+    """Return the behaviours that keep distances, None if the case has one, and the quality warnings but for flows."""
+    names = [level.title for level in building.levels]
+    models, behaviours = case.registry.contact_models, case.registry.behaviours
+    rigid = [name for name, model in models.items() if model.rigid and name != case.contact.model]
+    keepers = [name for name, behaviour in behaviours.items() if behaviour.keeps_distance]
+    keepers.sort(key=lambda name: name != DEFAULT_MOVEMENT)
+    advised = None if case.keeps_distance else keepers
+    return advised, (
+        *(f"the building is incomplete: {one}" for one in building.findings if one.kind == "missing"),
+        *contact_warnings(report, rigid, advised, seen.get("overlaps")),
+        *([chatter_warning(seen["chatter"], names, rigid)] if "chatter" in seen else []),
+        *([crushing_warning(seen["crushing"], names, advised)] if "crushing" in seen else []),
+        *([density_warning(seen["dense"], names, advised)] if "dense" in seen else []),
+    )
 
 
 def contact_warnings(
@@ -281,24 +302,29 @@ def remarks_of(results: "Results") -> tuple[str, ...]:
     if pushed := len(results.left_by_other_exits):
         lines.append(f"{_number(pushed)} left by an exit outside their route: their exit closed, or they were pushed")
     lines += _idle_exits(results)
-    if results.stuck:
-        first = results.stuck[0]
-        x, y = results.crowd.position[first]
-        why = "nobody touches them: check whether a behaviour holds them back, and the directions there"
-        if (results.crowd.contact_force[list(results.stuck)] > 0.0).any():
-            why = (
-                "bodies in contact can block a narrow passage permanently, because people do not turn or give way; "
-                "compare several seeds, or a wider passage"
-            )
-        if beside := [place for place in results.places if _are_near(results, first, place.people)]:
-            why = f"people at {beside[0]} stand in the way: draw its area beside the ways of others, or larger"
-        if closed := closings(results.changes):
-            why = f"what is closed may hold them up: {'; '.join(closed)}"
-        lines.append(
-            f"{_number(len(results.stuck))} without progress at the end, the first at ({x:.2f}, {y:.2f}) on "
-            f"{results.titles_at([first])[0]!r}: {why}"
+    return (*lines, *_without_progress(results), *results.notes)
+
+
+def _without_progress(results: "Results") -> Iterator[str]:
+    """Yield a line on the people who had made no progress at the end, with what may hold them up."""
+    if not results.stuck:
+        return
+    first = results.stuck[0]
+    x, y = results.crowd.position[first]
+    why = "nobody touches them: check whether a behaviour holds them back, and the directions there"
+    if (results.crowd.contact_force[list(results.stuck)] > 0.0).any():
+        why = (
+            "bodies in contact can block a narrow passage permanently, because people do not turn or give way; "
+            "compare several seeds, or a wider passage"
         )
-    return (*lines, *results.notes)
+    if beside := [place for place in results.places if _are_near(results, first, place.people)]:
+        why = f"people at {beside[0]} stand in the way: draw its area beside the ways of others, or larger"
+    if closed := closings(results.changes):
+        why = f"what is closed may hold them up: {'; '.join(closed)}"
+    yield (
+        f"{_number(len(results.stuck))} without progress at the end, the first at ({x:.2f}, {y:.2f}) on "
+        f"{results.titles_at([first])[0]!r}: {why}"
+    )
 
 
 def _are_near(results: "Results", person: int, others: Sequence[int]) -> bool:

@@ -22,7 +22,6 @@ from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import Change
 from evac.base.errors import ResultError, usable_path
 from evac.building.model.building import Building, ride_name
-from evac.contract.hooks import DEFAULT_MOVEMENT
 from evac.directions.routes import Route
 from evac.folder.files import (
     CROSSINGS_NAME,
@@ -39,15 +38,7 @@ from evac.people.population import Group
 from evac.physics.state import Crowd
 from evac.results.ending import Observation
 from evac.results.phases import PhaseUse, phases_of
-from evac.results.quality import (
-    chatter_warning,
-    contact_warnings,
-    crushing_warning,
-    density_warning,
-    flow_warnings,
-    queue_warnings,
-    remarks_of,
-)
+from evac.results.quality import flow_warnings, noticed_of, queue_warnings, remarks_of
 from evac.results.recordedcase import CaseTable
 from evac.results.verdict import Verdict, verdict_of
 from evac.trajectory.trajectory import Recorded, Trajectory, read_trajectory, trajectory_in_memory
@@ -121,13 +112,6 @@ class PortalUse(TypedDict):
     levels: tuple[str, str]
     width: Amount
     passages: Count
-
-
-class StairUse(lines.Occupancy):
-    """Use of a stair, and the indices of its pieces among all levels and of the portals within it."""
-
-    pieces: Mapping[str, Count]
-    portals: Mapping[str, Count]
 
 
 class DoorRow(TypedDict):
@@ -219,7 +203,7 @@ class Results:
     levels: Mapping[str, lines.Occupancy]
     """For each level that is not a piece of a stair: number of people who used it, greatest number at one time, time at
     which the last person left it [s]."""
-    stairs: Mapping[str, StairUse]
+    stairs: Mapping[str, lines.StairUse]
     """The same of each stair, from storey to storey; with the index of each of its flights and landings (`pieces`)
     among all levels, and of each of the `portals` between these among all portals."""
     phase: Sequence[PhaseUse] = ()
@@ -745,10 +729,13 @@ def results_of(
     **others: Any,
 ) -> Results:
     """Return the results of a run, with the tables and quality warnings that follow from its data."""
+    advised, noticed = noticed_of(case, building, report, seen)
+    exits = lines.exit_table(building, crowd.exit_used, crowd.exit_time)
     moves = lines.moves_of(building, start_level, crossings, crowd.exit_time, crowd.arrival_time)
+    levels, stairs = lines.use_of_levels(building, moves)
+    start, changes = (start_level, others["start_position"]), others.get("changes", ())
+    phase = phases_of(case.phase, building, crowd, others["groups"], start, changes, {**levels, **stairs})
     names = [level.title for level in building.levels]
-    advised, quality = _quality(case, building, report, seen)
-    start = start_level, others["start_position"]
     passages = np.bincount(crossings[1], minlength=len(building.portals)).tolist()
     return Results(
         title=case.title,
@@ -760,7 +747,7 @@ def results_of(
         start_level=start_level,
         crossings=crossings,
         report=plain(report),
-        exits=lines.exit_table(building, crowd.exit_used, crowd.exit_time),
+        exits=exits,
         portals={
             portal.name: PortalUse(
                 levels=(names[portal.levels[0]], names[portal.levels[1]]), width=portal.width, passages=passages[k]
@@ -768,42 +755,12 @@ def results_of(
             for k, portal in enumerate(building.portals)
             if names[portal.levels[0]] != names[portal.levels[1]]
         },
-        levels={level.name: moves.occupancy([level.index]) for level in building.levels if level.stair is None},
-        stairs={name: _stair_use(building, moves, own) for name, own in building.stairs.items()},
-        phase=phases_of(case.phase, building, crowd, others["groups"], start, others.get("changes", ()), moves)
-        if case.phase
-        else (),
+        levels=levels,
+        stairs=stairs,
+        phase=phase,
         doors=[DoorRow(name=door.name, level=names[door.level], width=door.width) for door in building.doors],
-        noticed=quality,
+        noticed=noticed,
         advised=advised,
         keeps_distance=case.keeps_distance,
         **others,
-    )
-
-
-def _stair_use(building: Building, moves: lines.Moves, own: Sequence[int]) -> StairUse:
-    """Return the use of a stair, which consists of some levels."""
-    return StairUse(
-        **moves.occupancy(own),
-        pieces={level.name: level.index for level in building.levels if level.index in own},
-        portals={one.name: one.index for one in building.portals if set(one.levels) <= set(own)},
-    )
-
-
-def _quality(
-    case: "Case", building: Building, report: Mapping[str, Any], seen: Mapping[str, Observation]
-) -> tuple[list[str] | None, tuple[str, ...]]:
-    """Return the behaviours that keep distances, unless the case has one, and the quality warnings of a run."""
-    names = [level.title for level in building.levels]
-    models, behaviours = case.registry.contact_models, case.registry.behaviours
-    rigid = [name for name, model in models.items() if model.rigid and name != case.contact.model]
-    keepers = [name for name, behaviour in behaviours.items() if behaviour.keeps_distance]
-    keepers.sort(key=lambda name: name != DEFAULT_MOVEMENT)
-    advised = None if case.keeps_distance else keepers
-    return advised, (
-        *(f"the building is incomplete: {one}" for one in building.findings if one.kind == "missing"),
-        *contact_warnings(report, rigid, advised, seen.get("overlaps")),
-        *([chatter_warning(seen["chatter"], names, rigid)] if "chatter" in seen else []),
-        *([crushing_warning(seen["crushing"], names, advised)] if "crushing" in seen else []),
-        *([density_warning(seen["dense"], names, advised)] if "dense" in seen else []),
     )

@@ -294,10 +294,10 @@ def run_into(
 def _published(simulation: Simulation, place: ResultFolder, results: Results, is_whole: bool) -> Results:
     """Write the tables and the summary of a run that has ended or failed, and publish its folder."""
     place.check()
-    results = results.with_values(plugin_files=simulation.recording.plugin_files())
     if results.case.output.tables:
         results.write_tables(place.running)
-    results = results.with_values(phases=simulation.phases.seconds())
+    written, phases = simulation.recording.plugin_files(), simulation.phases.seconds()
+    results = results.with_values(plugin_files=written, phases=phases)
     results.write_summary(place.running)
     folder = place.publish() if is_whole else place.publish_if_new()
     if is_whole:
