@@ -188,8 +188,6 @@ def test_routes_are_rows_of_the_fields(make_case, house, fields):
     case = make_case(standing("a"), standing("b", strategy="shortest"))
     routes = (Route(strategy="shortest"), Route())
     assert build_population(case, house, fields(routes), seed=1).crowd.route.tolist() == [1, 0]
-    with pytest.raises(ScenarioError, match=r"people\.b: .*Route"):
-        build_population(case, house, fields(), seed=1)
 
 
 def test_groups_hand_a_behaviour_its_own_settings(make_case, house, fields):

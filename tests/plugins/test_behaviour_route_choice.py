@@ -10,7 +10,6 @@ from evac.base.errors import PluginError, ScenarioError
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
 from evac.people.behaviour import BehaviourScene
-from evac.simulation.scene import SharedScene
 from evac_plugins.behaviour_route_choice import RouteChoice, route_costs
 from tests.directions.conftest import Drawing
 
@@ -52,7 +51,8 @@ def scene(building, behaviour, groups, routes=ANY, route=None):
         speed=np.column_stack((np.ones(len(x)), up, up)),
         route=np.zeros(len(x), dtype=np.int32) if route is None else np.array(route, dtype=np.int32),
     )
-    return BehaviourScene(crowd, SharedScene(building, fields), tuple(made), np.random.default_rng(0), 0.1)
+    scene = SimpleNamespace(building=building, fields=fields, version=0)
+    return BehaviourScene(crowd, scene, tuple(made), np.random.default_rng(0), 0.1)
 
 
 def chosen(of):
