@@ -168,3 +168,9 @@ def test_a_building_that_is_no_plan_is_judged_as_it_is(opened):
     assert [row["name"] for row in document["table"]["storeys"]] == ["classroom"]
     found = judged(session, document["table"])
     assert (found["errors"], len(found["building"]["segments"]["exits"])) == (0, 1)
+
+
+def test_the_curve_of_a_distribution_has_its_percentiles_and_its_mean(house, opened):
+    curve = opened(house).orders({"value": {"uniform": [10.0, 20.0]}})["curve"]()
+    assert curve["values"] == pytest.approx([10.0 + 0.1 * share for share in range(1, 100)])
+    assert curve["mean"] == pytest.approx(15.0)

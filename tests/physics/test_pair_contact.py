@@ -1,12 +1,13 @@
 """Contact laws of one contact: Hertz against its exact collision, and the division of steps."""
 
 import math
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from evac.base.errors import PluginError
+from evac.base.errors import PluginError, ScenarioError
 from evac.base.parameters import Parameter
 from evac.jit import pair_contact, pair_friction
 from evac.physics.contact.model import border_scene
@@ -197,3 +198,11 @@ def test_a_subclass_has_the_law_of_its_own_function_or_that_of_its_base():
     for model in (Stiffer(), Renamed()):
         np.testing.assert_array_equal(collide(model, (80.0, 60.0))[0].velocity, wanted.velocity)
     assert Renamed.law is Stiffer.law is not Linear.law
+
+
+@pytest.mark.parametrize(("step", "is_refused"), [(0.0199, False), (0.02, True), (0.03, True)])
+def test_explicit_driving_needs_a_step_below_twice_the_smallest_relaxation_time(step, is_refused):
+    crowd = make_crowd([(0, 0), (1, 0)], tau=[0.5, 0.01])
+    Linear(stiffness=0.0).check_scene(border_scene(crowd, step, False))
+    with pytest.raises(ScenarioError, match=r"below 0\.02 s") if is_refused else nullcontext():
+        Linear(stiffness=0.0).check_scene(border_scene(crowd, step, True))

@@ -106,6 +106,15 @@ def test_a_gradient_of_smoke_is_read_at_the_place_of_each_person_in_all_meshes(t
                 assert found == pytest.approx(0.2 * x + 0.1 * y + 0.05 * time, abs=1e-5)
 
 
+def test_volumes_are_read_in_all_meshes(tmp_path):
+    meshes = [(0, 5, 0, 8, 0, 6.0), (5, 12, 0, 4, 0, 6.0), (5, 12, 4, 8, 0, 6.0)]
+    volumes = [(EXTINCTION, None, False, lambda x, y, z, t: 0.2 * x + 0.1 * y + 0.5 * z)]
+    simulation = simulation_of(house(write_slices(tmp_path, meshes, volumes, [0.0, 10.0])[0]))
+    for x, y in ((1.0, 1.0), (4.5, 7.0), (6.0, 1.0), (11.0, 3.5), (6.0, 5.0), (11.0, 7.0)):
+        for level, z in (("down", 1.5), ("up", 4.6)):
+            assert at(simulation, level, x, y, z) == pytest.approx(0.2 * x + 0.1 * y + 0.5 * z, abs=1e-5)
+
+
 def test_units_are_those_of_the_quantities(tmp_path):
     planes = [(CO, z, False, constant(5e-4)) for z in (1.5, 4.5)]
     planes += [("OXYGEN VOLUME FRACTION", z, False, constant(0.19)) for z in (1.5, 4.5)]

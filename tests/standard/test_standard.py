@@ -1,5 +1,6 @@
 """The standard tests: names, buildings, runs and their folders, criteria, verdicts, and the page."""
 
+import html
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -24,6 +25,7 @@ from evac.standard.verify import (
     check_rows,
     find_tests,
     of_standard,
+    page_of,
 )
 from evac.study.statistics import mean_interval as of_a_study
 
@@ -344,3 +346,25 @@ def test_a_test_is_passed_if_all_its_checks_are():
     mixed = Result(test, (found_times(30.0), check("speed [m/s]", "RiMEA", [0.5], low=1.0)))
     whole = Result(test, (found_times(30.0), check("speed [m/s]", "RiMEA", [1.5], low=1.0)))
     assert (mixed.verdict, whole.verdict) == (FAILED, PASSED)
+
+
+def test_the_page_says_for_each_test_how_it_ended_and_why(tmp_path):
+    """A test that is passed, one that misses two bounds, one that fails by design, and one that is not applicable."""
+
+    def run(names, title, **more):
+        return StandardTest(names, title, lambda trial: (), **more)
+
+    tests = [run(("RiMEA-1",), "one"), run(("IMO-1", "NIST-2.1"), "two"), run(("IMO-4",), "three", by_design="so")]
+    tests.append(next(test for test in TESTS if test.measure is None))
+    good, low, high = found_times(30.0), found_times(20.0), found_times(40.0)
+    checks = (good,), (good, low, high), (high,), ()
+    results = [Result(test, each) for test, each in zip(tests, checks, strict=True)]
+    assert [one.verdict for one in results] == [PASSED, FAILED, FAILED, NOT_APPLICABLE]
+    page = " ".join(page_of(results, Trial(tmp_path, is_paper=True, settings=("a=1", "b=2")), 7).split())
+    missed = "; ".join(f"{one.quantity}: {one.verdict}" for one in (low, high))
+    reasons = ("", missed, f"{missed.rpartition('; ')[2]}; so", tests[3].why.partition(": ")[2])
+    for test, reason in zip(tests, reasons, strict=True):
+        row = page[page.index(html.escape(test.title)) :].partition("</tr>")[0]
+        assert row.rstrip().endswith(f"{html.escape(reason)}</td>")
+    assert "as in the paper" in page
+    assert "a=1 b=2" in page
