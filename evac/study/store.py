@@ -126,7 +126,7 @@ class RowStore:
         with files.writing("the rows", self._path):
             if self._file is None:
                 files.note_written([self._path])
-                self._file = self._path.open("r+b" if self._end else "wb", buffering=0)
+                self._file = self._path.open("r+b" if self._path.is_file() else "xb", buffering=0)
                 self._file.truncate(self._end)
                 self._file.seek(self._end)
                 if not self._end:

@@ -1,12 +1,14 @@
 """Rows on disk: what a kill leaves, what is read back, and in which order."""
 
 import math
+import os
 
 import numpy as np
 import pyarrow as pa
 import pytest
 
 import evac
+from evac.base.errors import ResultError
 from evac.folder.files import RUNS_STREAM_NAME
 from evac.study.execute import Row
 from evac.study.points import grid
@@ -153,3 +155,10 @@ def test_the_table_is_sorted_whatever_the_order_of_runs_was(tmp_path, points):
     assert table.column("exit_time").to_pylist()[1] == [2.0, 3.0, 4.0]
     with pa.ipc.open_stream(tmp_path / RUNS_STREAM_NAME) as stream:  # as other programs read it
         assert stream.read_all().column("run").to_pylist() == [1, 0, 2, 1, 0, 1]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no pipes that are files")
+def test_rows_are_not_written_to_a_pipe_that_nobody_reads(tmp_path, points):
+    os.mkfifo(tmp_path / RUNS_STREAM_NAME)
+    with pytest.raises(ResultError, match=r"runs\.arrows: cannot write the rows"):
+        filled(tmp_path, points, [(0, 0)])
