@@ -303,6 +303,7 @@ class RunningDigest:
         if length < self.length:  # written anew
             self._hash, self.length = hashlib.sha256(), 0
         with writing("its digest", path):
+            check_regular(path)
             descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0))
             with open(descriptor, "rb") as file:
                 file.seek(self.length)

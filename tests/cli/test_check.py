@@ -1,6 +1,7 @@
 """evac check."""
 
 import json
+import os
 import re
 import shutil
 
@@ -241,7 +242,15 @@ def test_the_rows_of_a_stopped_study_are_counted(tmp_path, capsys):
     assert re.match("damaged: .* 1 runs are whole, .* --resume", found["runs of the study"])
 
 
-@pytest.mark.parametrize(("name", "place"), [("", 0), ("checkpoint.evac", 300), ("trajectory.evac", 20)])
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("", 0),
+        ("checkpoint.evac", 300),
+        ("trajectory.evac", 20),
+        pytest.param("trajectory.evac", None, marks=pytest.mark.skipif(os.name == "nt", reason="Windows has no FIFO")),
+    ],
+)
 def test_a_checkpoint_is_verified_with_the_files_that_it_continues(tmp_path, capsys, name, place):
     def stop(progress):
         if progress.time >= 0.2:
@@ -249,7 +258,10 @@ def test_a_checkpoint_is_verified_with_the_files_that_it_continues(tmp_path, cap
 
     evac.run(evac.load("square_room"), tmp_path / "r", progress=stop, checkpoint=60)
     folder = next(tmp_path.glob("r*/checkpoint.evac")).parent
-    if name:
+    if place is None:
+        (folder / name).unlink()
+        os.mkfifo(folder / name)
+    elif name:
         change(folder / name, place)
     for path in (folder, folder / "checkpoint.evac"):
         status, found = states(path, capsys)
