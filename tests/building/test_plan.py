@@ -108,6 +108,20 @@ def test_a_u_shaped_stair_from_one_edge(turn, y):
     assert sorted(head.segments[:, [1, 3]].ravel().tolist()) == pytest.approx([y, y + 1.2])
 
 
+@pytest.mark.parametrize(("landing", "depth"), [(None, 1.2), (1.6, 1.6)])
+def test_handrails_narrow_the_flights_and_leave_the_depth_of_landings(landing, depth):
+    plan = two_storeys()
+    given = {"length": 2.4, "turn": "left", "direction": (1, 0), "handrails": 0.1, "landing": landing}
+    plan.stair("main", "ground", [(8, 1.4), (8, 2.6)], "first", **given)
+    building = plan.building()
+    (middle,) = (level for level in building.levels if level.kind == "landing")
+    x1, y1, x2, y2 = middle.polygon.bounds
+    assert (x2 - x1, y2 - y1) == pytest.approx((depth, 2.5 - 0.2))
+    flights = [level.polygon for level in building.levels if level.kind == "flight"]
+    assert [flight.area for flight in flights] == pytest.approx([2.4 * 1.0] * 2)
+    assert flights[0].distance(flights[1]) == pytest.approx(0.1 + 0.2)
+
+
 def test_a_u_shaped_stair_between_two_edges_of_different_depth():
     plan = Plan()
     plan.storey("ground", box(0, 0, 6, 6))
