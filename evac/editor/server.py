@@ -187,6 +187,10 @@ class Server(ThreadingHTTPServer):
                 webbrowser.open(way.as_uri())
             self.serve_forever()
 
+    def serve_forever(self, poll_interval: float = 0.05) -> None:
+        """Serve until `shutdown`, which takes at most this time [s]."""
+        super().serve_forever(poll_interval)
+
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Tell errors, but not that a page was closed before it had its answer."""
         if not isinstance(sys.exception(), OSError):
