@@ -28,6 +28,7 @@ class Origin:
     unloaded_files: tuple[Path, ...]
     unchecked: tuple[Key, ...]
     registry: Registry
+    is_recorded: bool  # whether it is that of a result, whose files may be elsewhere now
 
 
 class Case(Table):
@@ -182,8 +183,9 @@ class Case(Table):
         """
         from evac.case.loading import case_from
 
+        origin = self._origin
         return case_from(
-            self._origin.table, self.source, overrides, plugin_files=self.loaded_files, registry=self.registry
+            *(origin.table, origin.source, overrides, origin.loaded_files, origin.registry, origin.is_recorded)
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -228,7 +230,8 @@ class Case(Table):
         from evac.case.loading import case_from
 
         origin = self._origin
-        return case_from, (copy.deepcopy(dict(origin.table)), origin.source, (), origin.loaded_files)
+        table = copy.deepcopy(dict(origin.table))
+        return case_from, (table, origin.source, (), origin.loaded_files, None, origin.is_recorded)
 
 
 def _given(value: Any) -> Any:

@@ -27,12 +27,12 @@ class Draft(NamedTuple):
     """What is checked: the content of a case.toml, which may have any types, and the case if its keys are valid."""
 
     content: dict[str, Any]
-    folder: Path
+    folder: Path | None  # of its files; None if they need not exist
     registry: Registry
     case: Case | None = None
 
 
-def checked(content: dict[str, Any], folder: Path, registry: Registry) -> tuple[Case | None, list[Fault]]:
+def checked(content: dict[str, Any], folder: Path | None, registry: Registry) -> tuple[Case | None, list[Fault]]:
     """Return the case, if its keys are valid, and all faults: of each key the last one that a check finds."""
     draft, found = Draft(content, folder, registry), list[Fault]()
     try:
@@ -189,6 +189,8 @@ def _settings_of_groups(draft: Draft) -> Iterator[Fault]:
 
 def _files(draft: Draft) -> Iterator[Fault]:
     """Check that the file of the building and the plugin files exist; none is opened."""
+    if draft.folder is None:
+        return
     for index, name in enumerate(_list(_table(draft.content.get("plugins")).get("files"))):
         if isinstance(name, str) and not os.path.isfile(draft.folder / name):  # also if the name is too long
             yield Fault(("plugins", "files", index), f"no such file {text_of(draft.folder / name)}; check the path")

@@ -116,8 +116,12 @@ def case_from(
     overrides: Mapping[str, Any] | Iterable[str] = (),
     plugin_files: Iterable[str | Path] = (),
     registry: Registry | None = None,
+    is_recorded: bool = False,
 ) -> Case:
-    """Check the content of a case.toml, as `load_case` does; paths in it are relative to the folder of `source`."""
+    """Check the content of a case.toml, as `load_case` does; paths in it are relative to the folder of `source`.
+
+    Files of a recorded case, which is that of a result, need not exist.
+    """
     registry = registry or Registry()
     table = _with_plan(dict(table))
     _refuse(content_faults(table), table, source, [])
@@ -127,12 +131,12 @@ def case_from(
     content = with_own_classes(content)
     loaded = _added(plugin_files, registry)
     unloaded = tuple(path for path in named_files(content, source.parent) if path not in loaded)
-    case, found = checked(content, source.parent, registry)
+    case, found = checked(content, None if is_recorded else source.parent, registry)
     unchecked = tuple(fault.key for fault in found if unloaded and fault.is_unknown_name)
     faults += [fault for fault in found if fault.key not in unchecked]
     _refuse(faults, content, source, overridden)
     assert case is not None
-    case._origin = Origin(source, content, loaded, unloaded, unchecked, registry)
+    case._origin = Origin(source, content, loaded, unloaded, unchecked, registry, is_recorded)
     return case
 
 

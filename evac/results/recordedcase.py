@@ -93,7 +93,7 @@ def recorded_case(
     named = [(Path(source).parent / name).resolve() for name in table.get("plugins", {}).get("files", [])]
     if missing := [str(path) for path in dict.fromkeys((*named, *map(Path, used))) if path not in plugin_files]:
         raise ResultError(f"{folder}: its case needs the plugin {', '.join(missing)}; give it (plugin_files=)")
-    return case_from(table, Path(source), plugin_files=plugin_files)
+    return case_from(table, Path(source), plugin_files=plugin_files, is_recorded=True)
 
 
 def with_infinity(value: Any) -> Any:

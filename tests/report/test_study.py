@@ -3,11 +3,13 @@
 import csv
 import html
 import json
+import shutil
 
 import numpy as np
 import pytest
 
 import evac
+from evac.base.errors import BuildingError
 from evac.case.loading import load_case
 from evac.report.sections import PlaceSettings
 from evac.report.study import is_study, study_report
@@ -141,3 +143,17 @@ def test_blocked_runs_have_a_banner_and_are_not_averaged_away(repeated, tmp_path
     assert shown["maximum"][0] == "not reached"
     assert shown["mean"][0] == f"{np.mean(found.times(0)[np.isfinite(found.times(0))]):.2f}"
     assert [row[-1] for row in page.table("Every run")[1:]].count("people left") == blocked
+
+
+def test_a_study_is_reported_and_compared_after_its_case_has_moved(tmp_path):
+    shutil.copytree(evac.load("square_room").folder, tmp_path / "case")
+    case = evac.load(tmp_path / "case", {"output.picture": False})
+    numbers = {"people.people.number": [3, 5]}
+    evac.sweep(case, numbers, 2, folder=tmp_path / "study", workers=1)
+    before = study_report(tmp_path / "study")
+    (tmp_path / "case").rename(tmp_path / "elsewhere")
+    assert Page(study_report(tmp_path / "study")).tables == Page(before).tables
+    study = evac.read_study(tmp_path / "study")
+    assert {difference.change.runs for difference in evac.compare(study).differences} == {2}
+    with pytest.raises(BuildingError, match=r"square_room\.msh: no such file"):
+        evac.run(study.points[1].case)
