@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -64,16 +65,11 @@ def place(
     near = np.ascontiguousarray(segments[is_near[:, 0] & is_near[:, 1]])
     there = occupied[((occupied[:, :2] >= low - around) & (occupied[:, :2] <= high + around)).all(axis=1)]
     shapely.prepare(polygon)
-
-    def are_inside(points: FloatArray) -> BoolArray:
-        inside: BoolArray = shapely.intersects_xy(polygon, points[:, 0], points[:, 1])
-        inside[inside] = may_start(points[inside])
-        return inside
-
-    positions, n_placed = _at_random(polygon, radii, near, there, generator, are_inside)
+    ground = _Ground(polygon, near, there, may_start)
+    positions, n_placed = ground.at_random(radii, generator)
     if n_placed == len(radii):
         return positions
-    lattice, n_fitting = _on_lattice(polygon, len(radii), reach, near, there, generator, are_inside)
+    lattice, n_fitting = ground.on_lattice(len(radii), reach, generator)
     if lattice is None:
         raise _too_many(place_name, radii, polygon, max(n_placed, n_fitting))
     return lattice
@@ -94,78 +90,101 @@ def clearance(positions: FloatArray, segments: FloatArray) -> FloatArray:
     return np.nan_to_num(distance, nan=np.inf)
 
 
-def _at_random(
-    polygon: BaseGeometry,
-    radii: FloatArray,
-    segments: FloatArray,
-    occupied: FloatArray,
-    generator: np.random.Generator,
-    are_inside: Callable[[FloatArray], BoolArray],
-) -> tuple[FloatArray, int]:
-    """Random sequential addition; return positions and the number of placed discs."""
-    n = len(radii)
-    order = np.argsort(-radii, kind="stable")
-    cells = _cells(polygon, radii, occupied, n)
-    left, bottom, right, top = polygon.bounds
-    batch = min(MOST_CANDIDATES, math.ceil(2 * n * (right - left) * (top - bottom) / polygon.area) + 100)
-    n_placed = 0
-    for _ in range(ROUNDS):
-        points = generator.uniform((left, bottom), (right, top), (batch, 2))
-        n_placed = add_discs(
-            np.ascontiguousarray(points[are_inside(points)]), radii[order], n_placed, len(occupied), segments, cells
+@dataclass(frozen=True)
+class _Ground:
+    """Where discs are placed."""
+
+    polygon: BaseGeometry
+    segments: FloatArray  # (w, 4): walls, portals and exits near it [m]
+    occupied: FloatArray  # (m, 3): x, y and radius of people near it who were placed before [m]
+    may_start: Callable[[FloatArray], BoolArray]
+
+    def are_inside(self, points: FloatArray) -> BoolArray:
+        """Return which points (k, 2) may be centres."""
+        inside: BoolArray = shapely.intersects_xy(self.polygon, points[:, 0], points[:, 1])
+        inside[inside] = self.may_start(points[inside])
+        return inside
+
+    def at_random(self, radii: FloatArray, generator: np.random.Generator) -> tuple[FloatArray, int]:
+        """Random sequential addition; return positions and the number of placed discs."""
+        n = len(radii)
+        order = np.argsort(-radii, kind="stable")
+        cells = self.cells(radii, n)
+        left, bottom, right, top = self.polygon.bounds
+        batch = min(MOST_CANDIDATES, math.ceil(2 * n * (right - left) * (top - bottom) / self.polygon.area) + 100)
+        n_placed = 0
+        for _ in range(ROUNDS):
+            points = generator.uniform((left, bottom), (right, top), (batch, 2))
+            inside = np.ascontiguousarray(points[self.are_inside(points)])
+            n_placed = add_discs(inside, radii[order], n_placed, len(self.occupied), self.segments, cells)
+            if n_placed == n:
+                break
+        positions = np.empty((n, 2))
+        positions[order] = cells.disc[len(self.occupied) :, :2]
+        return positions, n_placed
+
+    def on_lattice(self, n: int, radius: float, generator: np.random.Generator) -> tuple[FloatArray | None, int]:
+        """Hexagonal lattice; return positions, or None if they do not fit, and the capacity of the densest lattice."""
+        cells = self.cells(np.array([radius]), 0)
+
+        def standing(points: FloatArray) -> FloatArray:
+            points = points[self.are_inside(points)]
+            fits = np.zeros(len(points), dtype=np.bool_)
+            _are_clear(np.ascontiguousarray(points), radius, self.segments, cells, fits.view(np.uint8))
+            return points[fits]
+
+        closest = 2 * (radius + MARGIN)
+        left, bottom, right, top = self.polygon.bounds
+        if (right - left) * (top - bottom) > MOST_NODES * closest**2:
+            return None, 0
+        corner = radius + 2 * MARGIN
+        phases = (corner, 0.0, 0.5 * radius)
+        frames = list(itertools.product((False, True), phases, phases))
+        frame = max(frames, key=lambda frame: len(standing(_nodes(self.polygon, closest, *frame))))
+        n_fitting = len(standing(_nodes(self.polygon, closest, *frame)))
+        if n_fitting < n:
+            return None, n_fitting
+        width, too_wide = closest, 2 * closest + math.sqrt(self.polygon.area)
+        for _ in range(20):
+            middle = (width + too_wide) / 2
+            if len(standing(_nodes(self.polygon, middle, *frame))) >= n:
+                width = middle
+            else:
+                too_wide = middle
+        points = standing(_nodes(self.polygon, width, *frame))
+        points = points[generator.permutation(len(points))[:n]]
+        length = (width - closest) / 2 * np.sqrt(generator.random(n))
+        angle = 2 * np.pi * generator.random(n)
+        moved = points + length[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
+        fits = np.zeros(n, dtype=np.bool_)
+        _are_clear(moved, radius, self.segments, cells, fits.view(np.uint8))
+        fits &= self.are_inside(moved)
+        return np.where(fits[:, None], moved, points), n_fitting
+
+    def cells(self, radii: FloatArray, n: int) -> _Cells:
+        """Return cells over the polygon with the people placed before and room for `n` more."""
+        size = 2 * max(float(radii.max()), float(self.occupied[:, 2].max(initial=0.0)))
+        left, bottom, right, top = self.polygon.bounds
+        size = max(size, math.sqrt((right - left) * (top - bottom) / MOST_NODES))
+        shape = (int((right - left) / size) + 3, int((top - bottom) / size) + 3)
+        cells = _Cells(
+            left=left - size,
+            bottom=bottom - size,
+            size=size,
+            head=np.full(shape, -1, dtype=np.int32),
+            following=np.full(len(self.occupied) + n, -1, dtype=np.int32),
+            disc=np.zeros((len(self.occupied) + n, 3)),
         )
-        if n_placed == n:
-            break
-    positions = np.empty((n, 2))
-    positions[order] = cells.disc[len(occupied) :, :2]
-    return positions, n_placed
-
-
-def _on_lattice(
-    polygon: BaseGeometry,
-    n: int,
-    radius: float,
-    segments: FloatArray,
-    occupied: FloatArray,
-    generator: np.random.Generator,
-    are_inside: Callable[[FloatArray], BoolArray],
-) -> tuple[FloatArray | None, int]:
-    """Hexagonal lattice; return positions, or None if they do not fit, and the capacity of the densest lattice."""
-    cells = _cells(polygon, np.array([radius]), occupied, 0)
-
-    def standing(points: FloatArray) -> FloatArray:
-        points = points[are_inside(points)]
-        fits = np.zeros(len(points), dtype=np.bool_)
-        _are_clear(np.ascontiguousarray(points), radius, segments, cells, fits.view(np.uint8))
-        return points[fits]
-
-    closest = 2 * (radius + MARGIN)
-    left, bottom, right, top = polygon.bounds
-    if (right - left) * (top - bottom) > MOST_NODES * closest**2:
-        return None, 0
-    corner = radius + 2 * MARGIN
-    phases = (corner, 0.0, 0.5 * radius)
-    frames = list(itertools.product((False, True), phases, phases))
-    frame = max(frames, key=lambda frame: len(standing(_nodes(polygon, closest, *frame))))
-    n_fitting = len(standing(_nodes(polygon, closest, *frame)))
-    if n_fitting < n:
-        return None, n_fitting
-    width, too_wide = closest, 2 * closest + math.sqrt(polygon.area)
-    for _ in range(20):
-        middle = (width + too_wide) / 2
-        if len(standing(_nodes(polygon, middle, *frame))) >= n:
-            width = middle
-        else:
-            too_wide = middle
-    points = standing(_nodes(polygon, width, *frame))
-    points = points[generator.permutation(len(points))[:n]]
-    length = (width - closest) / 2 * np.sqrt(generator.random(n))
-    angle = 2 * np.pi * generator.random(n)
-    moved = points + length[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
-    fits = np.zeros(n, dtype=np.bool_)
-    _are_clear(moved, radius, segments, cells, fits.view(np.uint8))
-    fits &= are_inside(moved)
-    return np.where(fits[:, None], moved, points), n_fitting
+        cells.disc[: len(self.occupied)] = self.occupied
+        column = np.floor((self.occupied[:, :2] - (cells.left, cells.bottom)) / size).astype(np.int64)
+        rows = np.flatnonzero(((column >= 0) & (column < shape)).all(axis=1))  # ignore discs outside the cells
+        cell = column[rows, 0] * shape[1] + column[rows, 1]
+        order = np.argsort(cell, kind="stable")
+        rows, cell = rows[order], cell[order]
+        is_last = np.diff(cell, append=-1) != 0
+        cells.head.reshape(-1)[cell[is_last]] = rows[is_last]
+        cells.following[rows[1:]] = np.where(is_last[:-1], -1, rows[:-1])
+        return cells
 
 
 def _nodes(polygon: BaseGeometry, width: float, turned: bool, first: float, first_row: float) -> FloatArray:
@@ -178,32 +197,6 @@ def _nodes(polygon: BaseGeometry, width: float, turned: bool, first: float, firs
     y = first_row + width * math.sqrt(0.75) * np.broadcast_to(rows[:, None], x.shape)
     plan = (y, x) if turned else (x, y)
     return np.column_stack((left + plan[0].ravel(), bottom + plan[1].ravel()))
-
-
-def _cells(polygon: BaseGeometry, radii: FloatArray, occupied: FloatArray, n: int) -> _Cells:
-    """Return cells over a polygon with the people placed before and room for `n` more."""
-    size = 2 * max(float(radii.max()), float(occupied[:, 2].max(initial=0.0)))
-    left, bottom, right, top = polygon.bounds
-    size = max(size, math.sqrt((right - left) * (top - bottom) / MOST_NODES))
-    shape = (int((right - left) / size) + 3, int((top - bottom) / size) + 3)
-    cells = _Cells(
-        left=left - size,
-        bottom=bottom - size,
-        size=size,
-        head=np.full(shape, -1, dtype=np.int32),
-        following=np.full(len(occupied) + n, -1, dtype=np.int32),
-        disc=np.zeros((len(occupied) + n, 3)),
-    )
-    cells.disc[: len(occupied)] = occupied
-    column = np.floor((occupied[:, :2] - (cells.left, cells.bottom)) / size).astype(np.int64)
-    rows = np.flatnonzero(((column >= 0) & (column < shape)).all(axis=1))  # ignore discs outside the cells
-    cell = column[rows, 0] * shape[1] + column[rows, 1]
-    order = np.argsort(cell, kind="stable")
-    rows, cell = rows[order], cell[order]
-    is_last = np.diff(cell, append=-1) != 0
-    cells.head.reshape(-1)[cell[is_last]] = rows[is_last]
-    cells.following[rows[1:]] = np.where(is_last[:-1], -1, rows[:-1])
-    return cells
 
 
 @inner

@@ -22,7 +22,6 @@ from evac.analysis.lines import LineFlow
 from evac.analysis.maps import QUANTITIES, LevelMaps, level_maps
 from evac.base.arrays import FloatArray, IntArray
 from evac.base.change import LIFT
-from evac.building.model.building import Building
 from evac.folder.files import map_name, writing
 from evac.pictures import palette
 from evac.pictures.floorplan import HEIGHT, WIDTH, Plans, draw_levels, draw_plans, outline_of
@@ -146,29 +145,15 @@ def draw_cut(
     _draw_values(plans, grids, images, nearest, SCALES[quantity])
 
 
-def draw_grids(
-    building: Building,
-    maps: Mapping[str, LevelMaps],
-    grids: Mapping[str, FloatArray],
-    scale: Scale,
-    dpi: int = 120,
-    greatest: tuple[float, float] = (WIDTH, HEIGHT),
-) -> Figure:
-    """Draw values in the cells of maps on the plans of a building, with the colours of a scale."""
-    plans = draw_plans(building, None, dpi=dpi, is_filled=False, greatest=greatest)
+def draw_grids(plans: Plans, maps: Mapping[str, LevelMaps], grids: Mapping[str, FloatArray], scale: Scale) -> None:
+    """Draw values in the cells of maps on plans of a building that are not filled, with the colours of a scale."""
     nearest = {name: _nearest_cells(own) for name, own in maps.items()}
     _draw_values(plans, grids, _images(plans, maps), nearest, scale)
-    return plans.figure
 
 
 def draw_difference(
-    building: Building,
-    maps: Mapping[str, LevelMaps],
-    others: Mapping[str, LevelMaps],
-    quantity: str,
-    dpi: int = 120,
-    greatest: tuple[float, float] = (WIDTH, HEIGHT),
-) -> Figure:
+    plans: Plans, maps: Mapping[str, LevelMaps], others: Mapping[str, LevelMaps], quantity: str
+) -> None:
     """Draw the difference of two maps of a quantity, others - maps, on levels with the same name and equal cells."""
     grids = {
         name: _aligned(others[name].array(quantity), others[name], own) - own.array(quantity)
@@ -177,11 +162,9 @@ def draw_difference(
     }
     scale = SCALES[quantity]
     most = round_up(high_value([np.abs(grid) for grid in grids.values()]))
-    plans = draw_plans(building, None, dpi=dpi, is_filled=False, greatest=greatest)
     colours, norm = colormaps["PuOr_r"], Normalize(-most, most)
     _draw_grids(_images(plans, maps), grids, colours, norm)
     _add_bar(plans, ScalarMappable(norm, colours), f"{scale.label}, difference [{scale.unit}]")
-    return plans.figure
 
 
 def _aligned(grid: np.ndarray, own: LevelMaps, wanted: LevelMaps) -> np.ndarray:

@@ -22,7 +22,7 @@ from evac.base.progress import track
 from evac.building.model.building import Building
 from evac.pictures import palette
 from evac.pictures.annotated import levels_figure
-from evac.pictures.floorplan import draw_plans
+from evac.pictures.floorplan import Plans, draw_plans
 from evac.pictures.map_pictures import FLOW_LABELS, draw_cut, draw_difference, draw_grids, draw_maps
 from evac.pictures.palette import MAPS as SCALES
 from evac.pictures.palette import Scale
@@ -225,7 +225,13 @@ def difference_picture(
         f"{SCALES[quantity].label.capitalize()}: difference of {name} from the first design. Orange: more in {name},"
         " violet: less; where only one has a floor, nothing is drawn."
     )
-    return _mapped(draw_difference(building, maps, others, quantity, dpi=DPI, greatest=MAPS), caption)
+    plans_ = _plans_of_maps(building)
+    draw_difference(plans_, maps, others, quantity)
+    return _mapped(plans_.figure, caption)
+
+
+def _plans_of_maps(building: Building) -> Plans:
+    return draw_plans(building, None, dpi=DPI, is_filled=False, greatest=MAPS)
 
 
 def bottleneck(trajectory: Trajectory, queue: Queue, maps: Mapping[str, LevelMaps], number: int) -> Picture:
@@ -291,7 +297,9 @@ def maps_of_runs(
     means, pictures, without = {name: own.maps for name, own in maps.items()}, list[Picture](), list[str]()
 
     def add(grids: Mapping[str, FloatArray], scale: Scale, caption: str) -> None:
-        pictures.append(_mapped(draw_grids(building, means, grids, scale, DPI, MAPS), caption))
+        plans_ = _plans_of_maps(building)
+        draw_grids(plans_, means, grids, scale)
+        pictures.append(_mapped(plans_.figure, caption))
 
     for name in quantities:
         what = f"{QUANTITIES[name].label.capitalize()}, mean over runs: {QUANTITIES[name].doc}."
