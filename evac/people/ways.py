@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -53,18 +54,18 @@ def check_ways(
     since behaviours may change the route, and only if the clearance of directions is at least one cell: with less
     clearance, directions touch corners, which a point does not pass as a body does.
     """
-    lost = without_way(fields, crowd)
+    walks, lost = _Walks(source, building, fields, world, crowd, groups), without_way(fields, crowd)
     if lost.any() and not may_wait:
         group = next(one for one in groups if lost[one.rows].any())
-        raise ScenarioError(_unreachable(source, building, fields, crowd, group, group.rows[lost[group.rows]], full))
+        raise ScenarioError(walks.unreachable(group, group.rows[lost[group.rows]], full))
     if fields.clearance < fields.packed.spacing:
         return ()
     findings: list[Finding] = []
     for route in (index for index, one in enumerate(fields.routes) if not (one.area or one.lifts)):
-        ends = _check_walks(source, building, fields, world, crowd, groups, route)
+        ends = walks.walk(route)
         stopped = (ends[:, 2] >= 0.0) & (crowd.route == route)
         for group in groups:
-            findings += _stopped_places(building, crowd, group, group.rows[stopped[group.rows]], ends)
+            findings += walks.stopped_places(group, group.rows[stopped[group.rows]], ends)
     return tuple(findings)
 
 
@@ -104,133 +105,121 @@ def without_way(fields: Fields, crowd: Crowd) -> BoolArray:
     return np.isinf(time) & np.isfinite(crowd.start_time)
 
 
-def _check_walks(
-    source: Path,
-    building: Building,
-    fields: Fields,
-    world: World,
-    crowd: Crowd,
-    groups: "tuple[Group, ...]",
-    route: int,
-) -> FloatArray:
-    """Check one route by walks along its directions from all start positions; return where bodies are stopped.
+@dataclass(frozen=True)
+class _Walks:
+    """Walks of all people along the directions of their routes, and what is said of those who do not arrive."""
 
-    The ends (people, 3) are coordinates x, y [m] and level; the level of those who arrive is -1.
-    """
-    column = columns_of(fields.packed, np.full(len(crowd.level), route), crowd.contact_radius)
-    ends = np.full((len(crowd.level), 3), -1.0)
-    is_here = crowd.level >= 0
-    for one in np.unique(column[is_here]):
-        rows = np.flatnonzero(is_here & (column == one))
-        # The widest first: where it arrives, the others of its class do.
-        rows = rows[np.argsort(-crowd.contact_radius[rows], kind="stable")]
-        ends[rows] = _walked(fields, world, crowd, rows, int(one), crowd.contact_radius[rows])
-        ends[rows] = _arrived(building, fields, route, ends[rows])
-        stopped = rows[ends[rows, 2] >= 0.0]
-        as_points = _walked(fields, world, crowd, stopped, int(one), np.zeros(len(stopped)))
-        as_points = _arrived(building, fields, route, as_points)
-        for group in groups:
-            lost = group.rows[np.isin(group.rows, stopped[as_points[:, 2] >= 0.0])]
-            if lost.size:
-                x, y, level = as_points[stopped == lost[0]][0]
-                what = f"do not arrive at an exit along the directions {fields.routes[route]!s}"
-                raise ScenarioError(
-                    f"{_affected(source, building, crowd, group, lost, what)}; they end at ({x:.2f}, {y:.2f}) on level "
-                    f"{building.levels[int(level)].title!r}: check for a gap there narrower than two cells of "
-                    f"directions.spacing = {fields.packed.spacing:g} m, and choose a smaller spacing"
-                )
-    return ends
+    source: Path
+    building: Building
+    fields: Fields
+    world: World
+    crowd: Crowd
+    groups: "tuple[Group, ...]"
 
+    def walk(self, route: int) -> FloatArray:
+        """Check one route by walks along its directions from all start positions; return where bodies are stopped.
 
-def _arrived(building: Building, fields: Fields, route: int, ends: FloatArray) -> FloatArray:
-    """Return the ends of walks, of which those within a cell of an exit of a route have arrived."""
-    # The cells of a long exit that is not parallel to the grid are partly behind it, where there are no directions.
-    ends = ends.copy()
-    names = fields.routes[route].exits
-    for way in building.exits:
-        if building.is_open(way) and (not names or way.name in names):
-            line = shapely.multilinestrings(way.segments.reshape(-1, 2, 2))
-            is_near = shapely.dwithin(shapely.points(ends[:, :2]), line, fields.packed.spacing)
-            ends[is_near & (ends[:, 2] == way.level), 2] = -1.0
-    return ends
-
-
-def _walked(
-    fields: Fields,
-    world: World,
-    crowd: Crowd,
-    rows: NDArray[np.int64],
-    column: int,
-    radius: FloatArray,
-) -> FloatArray:
-    """Return where the walks of some people end, as `walk_all`."""
-    ends = np.zeros((len(rows), 3))
-    if not len(rows):
+        The ends (people, 3) are coordinates x, y [m] and level; the level of those who arrive is -1.
+        """
+        column = columns_of(self.fields.packed, np.full(len(self.crowd.level), route), self.crowd.contact_radius)
+        ends = np.full((len(self.crowd.level), 3), -1.0)
+        is_here = self.crowd.level >= 0
+        for one in np.unique(column[is_here]):
+            rows = np.flatnonzero(is_here & (column == one))
+            # The widest first: where it arrives, the others of its class do.
+            rows = rows[np.argsort(-self.crowd.contact_radius[rows], kind="stable")]
+            ends[rows] = self._walked(rows, int(one), self.crowd.contact_radius[rows])
+            ends[rows] = self._arrived(route, ends[rows])
+            stopped = rows[ends[rows, 2] >= 0.0]
+            as_points = self._walked(stopped, int(one), np.zeros(len(stopped)))
+            as_points = self._arrived(route, as_points)
+            for group in self.groups:
+                lost = group.rows[np.isin(group.rows, stopped[as_points[:, 2] >= 0.0])]
+                if lost.size:
+                    x, y, level = as_points[stopped == lost[0]][0]
+                    what = f"do not arrive at an exit along the directions {self.fields.routes[route]!s}"
+                    raise ScenarioError(
+                        f"{self._affected(group, lost, what)}; they end at ({x:.2f}, {y:.2f}) on level "
+                        f"{self.building.levels[int(level)].title!r}: check for a gap there narrower than two cells of "
+                        f"directions.spacing = {self.fields.packed.spacing:g} m, and choose a smaller spacing"
+                    )
         return ends
-    level, position = crowd.level[rows], np.ascontiguousarray(crowd.position[rows])
-    time = np.empty(len(rows))
-    sample_travel_times(fields.packed, position, level, np.full(len(rows), column, np.int32), time)
-    # Reference speeds are at most 1 m/s, so the travel time [s] is an upper bound of the path length [m].
-    most = np.where(np.isfinite(time), LONGEST * np.maximum(time, 0.0) / (STEP * world.fields.spacing) + EXTRA, 0.0)
-    sizes = world.fields.shape.astype(np.int64).prod(axis=1)
-    seen = np.zeros(int(sizes.sum()), dtype=np.uint8)
-    first = np.concatenate([[0], np.cumsum(sizes)])
-    steps = most.astype(np.int64)
-    trail = np.empty(steps.max() + 1, np.int64)
-    walk_all(world, position, level, column, radius, steps, first, seen, trail, ends)
-    return ends
 
+    def _arrived(self, route: int, ends: FloatArray) -> FloatArray:
+        """Return the ends of walks, of which those within a cell of an exit of a route have arrived."""
+        # The cells of a long exit that is not parallel to the grid are partly behind it, where there are no directions.
+        ends = ends.copy()
+        names = self.fields.routes[route].exits
+        for way in self.building.exits:
+            if self.building.is_open(way) and (not names or way.name in names):
+                line = shapely.multilinestrings(way.segments.reshape(-1, 2, 2))
+                is_near = shapely.dwithin(shapely.points(ends[:, :2]), line, self.fields.packed.spacing)
+                ends[is_near & (ends[:, 2] == way.level), 2] = -1.0
+        return ends
 
-def _stopped_places(
-    building: Building, crowd: Crowd, group: "Group", rows: IntArray, ends: FloatArray
-) -> list[Finding]:
-    """Return a warning for each place where people of a group, in these rows, are stopped."""
-    findings = []
-    while rows.size:
-        x, y, level = ends[rows[0]]
-        away = np.hypot(ends[rows, 0] - x, ends[rows, 1] - y)
-        here = (away < SAME_PLACE) & (ends[rows, 2] == level)
-        widths = [f"{end(2.0 * crowd.contact_radius[rows[here]]):.2f}" for end in (np.min, np.max)]
-        text = (
-            f"people.{group.name}: {np.count_nonzero(here)} of {counted(len(group.rows), 'person', 'people')} "
-            f"({' to '.join(dict.fromkeys(widths))} m wide) do not fit through here, and no other way to an exit is "
-            "wide enough for them: widen the place, move them, or reduce their radius"
+    def _walked(self, rows: NDArray[np.int64], column: int, radius: FloatArray) -> FloatArray:
+        """Return where the walks of some people end, as `walk_all`."""
+        ends = np.zeros((len(rows), 3))
+        if not len(rows):
+            return ends
+        level, position = self.crowd.level[rows], np.ascontiguousarray(self.crowd.position[rows])
+        time = np.empty(len(rows))
+        sample_travel_times(self.fields.packed, position, level, np.full(len(rows), column, np.int32), time)
+        # Reference speeds are at most 1 m/s, so the travel time [s] is an upper bound of the path length [m].
+        most = LONGEST * np.maximum(time, 0.0) / (STEP * self.world.fields.spacing) + EXTRA
+        most = np.where(np.isfinite(time), most, 0.0)
+        sizes = self.world.fields.shape.astype(np.int64).prod(axis=1)
+        seen = np.zeros(int(sizes.sum()), dtype=np.uint8)
+        first = np.concatenate([[0], np.cumsum(sizes)])
+        steps = most.astype(np.int64)
+        trail = np.empty(steps.max() + 1, np.int64)
+        walk_all(self.world, position, level, column, radius, steps, first, seen, trail, ends)
+        return ends
+
+    def stopped_places(self, group: "Group", rows: IntArray, ends: FloatArray) -> list[Finding]:
+        """Return a warning for each place where people of a group, in these rows, are stopped."""
+        findings = []
+        while rows.size:
+            x, y, level = ends[rows[0]]
+            away = np.hypot(ends[rows, 0] - x, ends[rows, 1] - y)
+            here = (away < SAME_PLACE) & (ends[rows, 2] == level)
+            widths = [f"{end(2.0 * self.crowd.contact_radius[rows[here]]):.2f}" for end in (np.min, np.max)]
+            text = (
+                f"people.{group.name}: {np.count_nonzero(here)} of {counted(len(group.rows), 'person', 'people')} "
+                f"({' to '.join(dict.fromkeys(widths))} m wide) do not fit through here, and no other way to an exit "
+                "is wide enough for them: widen the place, move them, or reduce their radius"
+            )
+            name, item = self.building.levels[int(level)].title, f"people.{group.name}"
+            findings.append(Finding("warning", text, name, (float(x), float(y)), item))
+            rows = rows[~here]
+        return findings
+
+    def _affected(self, group: "Group", rows: IntArray, what: str) -> str:
+        """Return the beginning of a message: the number of affected people of a group, the problem and the place."""
+        x, y = self.crowd.position[rows[0]]
+        return (
+            f"{self.source}: people.{group.name}: {rows.size} of {len(group.rows)} people {what}, "
+            f"the first at ({x:.2f}, {y:.2f}) on level {self.building.levels[self.crowd.level[rows[0]]].title!r}"
         )
-        name, item = building.levels[int(level)].title, f"people.{group.name}"
-        findings.append(Finding("warning", text, name, (float(x), float(y)), item))
-        rows = rows[~here]
-    return findings
 
-
-def _affected(source: Path, building: Building, crowd: Crowd, group: "Group", rows: IntArray, what: str) -> str:
-    """Return the beginning of a message: the number of affected people of a group, the problem and the place."""
-    x, y = crowd.position[rows[0]]
-    return (
-        f"{source}: people.{group.name}: {rows.size} of {len(group.rows)} people {what}, "
-        f"the first at ({x:.2f}, {y:.2f}) on level {building.levels[crowd.level[rows[0]]].title!r}"
-    )
-
-
-def _unreachable(
-    source: Path, building: Building, fields: Fields, crowd: Crowd, group: "Group", rows: IntArray, full: Sequence[str]
-) -> str:
-    """Describe, for a message, why people have no travel time to an exit."""
-    route = fields.routes[crowd.route[rows[0]]]
-    exits = " or ".join(route.exits) or "any exit"
-    opened = (
-        "remove a name from building.closed"
-        if building.closed - building.lift_doors.keys()
-        else "add a connection to the mesh"
-    )
-    if route.steepest is not None:
-        exits += f" without slopes above {route.steepest:g}"
-        opened = f"raise people.{group.name}.steepest"
-    if full:
-        opened += " or, because it is full, " + " or ".join(f"place.{name}.capacity" for name in full)
-    return (
-        f"{_affected(source, building, crowd, group, rows, f'cannot reach {exits}')}; move them, allow other exits, "
-        f"{opened}, or if a narrow gap leads there, reduce directions.spacing = {fields.packed.spacing:g} m"
-    )
+    def unreachable(self, group: "Group", rows: IntArray, full: Sequence[str]) -> str:
+        """Describe, for a message, why people have no travel time to an exit."""
+        route = self.fields.routes[self.crowd.route[rows[0]]]
+        exits = " or ".join(route.exits) or "any exit"
+        opened = (
+            "remove a name from building.closed"
+            if self.building.closed - self.building.lift_doors.keys()
+            else "add a connection to the mesh"
+        )
+        if route.steepest is not None:
+            exits += f" without slopes above {route.steepest:g}"
+            opened = f"raise people.{group.name}.steepest"
+        if full:
+            opened += " or, because it is full, " + " or ".join(f"place.{name}.capacity" for name in full)
+        return (
+            f"{self._affected(group, rows, f'cannot reach {exits}')}; move them, allow other exits, "
+            f"{opened}, or if a narrow gap leads there, reduce directions.spacing = {self.fields.packed.spacing:g} m"
+        )
 
 
 @kernel
