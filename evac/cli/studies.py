@@ -121,16 +121,13 @@ def run_study(arguments: argparse.Namespace, points: "Sequence[Point]", folder: 
     from evac.study.statistics import IMO_POPULATIONS, IMO_REPETITIONS
     from evac.study.stopping import rule_of
 
+    runs, repetitions = arguments.runs, arguments.repetitions or 1
     if arguments.imo:
-        if arguments.runs is not None or arguments.repetitions is not None:
+        if runs is not None or arguments.repetitions is not None:
             raise ScenarioError("--imo sets --runs and --repetitions; remove these or --imo")
-        arguments.repetitions = IMO_REPETITIONS
-        arguments.runs = None if arguments.until is not None else IMO_POPULATIONS * IMO_REPETITIONS
-    arguments.repetitions = arguments.repetitions or 1
-    numbers = {
-        name: getattr(arguments, name) for name in ("runs", "until", "statistic", "least", "most", "repetitions")
-    }
-    rule = rule_of(**numbers)
+        repetitions = IMO_REPETITIONS
+        runs = None if arguments.until is not None else IMO_POPULATIONS * IMO_REPETITIONS
+    rule = rule_of(runs, arguments.until, arguments.statistic, arguments.least, arguments.most, repetitions)
     case = points[0].case
     prepare(case)
     of_each = f"points: {len(points)}, runs of each" if arguments.command == "sweep" else "runs"
@@ -141,7 +138,7 @@ def run_study(arguments: argparse.Namespace, points: "Sequence[Point]", folder: 
         display.phase("first runs")
         study = execute_study(
             points,
-            **numbers,
+            rule,
             folder=arguments.out or folder,
             workers=arguments.jobs,
             executor=executor,
@@ -157,11 +154,12 @@ def study_of(case: "Case", runs: int, folder: Path, maps: bool) -> "Study":
     """Make a study of a case, and show its progress."""
     from evac.study.api import execute_study
     from evac.study.points import single
+    from evac.study.stopping import rule_of
 
     prepare(case)
     note(f"{case.title}: {counted(runs, 'run')}, seeds from {case.simulation.seed} on, into {folder}")
     with Display() as display:
-        return execute_study(single(case), runs, folder=folder, maps=maps, progress=shown_progress(display))
+        return execute_study(single(case), rule_of(runs), folder=folder, maps=maps, progress=shown_progress(display))
 
 
 def prepare(case: "Case") -> None:

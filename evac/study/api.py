@@ -5,7 +5,7 @@ import weakref
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
-from numbers import Integral, Real
+from numbers import Integral
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any, TypedDict, Unpack
@@ -22,8 +22,10 @@ from evac.study import points
 from evac.study.execute import warn_alone
 from evac.study.outputs import quality_of, remarks_of, write_outputs, write_replays
 from evac.study.points import Point, Seeds
-from evac.study.stopping import MOST_OF_STUDY, rule_of
+from evac.study.stopping import MOST_OF_STUDY, Rule, rule_of
 from evac.study.study import Study, StudyProgress
+
+OF_RULE = ("until", "statistic", "least", "most", "repetitions")  #: Options that are arguments of `rule_of`.
 
 
 class StudyOptions(TypedDict, total=False):
@@ -165,13 +167,8 @@ def sweep(
 
 def execute_study(
     chosen: Sequence[Point],
-    runs: int | None = None,
+    rule: Rule,
     *,
-    until: float | None = None,
-    statistic: str = "mean",
-    least: int | None = None,
-    most: int | None = None,
-    repetitions: int = 1,
     folder: str | Path | None = None,
     workers: int | None = None,
     executor: Executor | None = None,
@@ -180,19 +177,16 @@ def execute_study(
     progress: Callable[[StudyProgress], None] | None = None,
     replay: bool = False,
 ) -> Study:
-    """Run the study of some points, and write its outputs if it has a folder; arguments as for `repeat`."""
-    check_types(runs=(runs, Integral | None), until=(until, Real | None), statistic=(statistic, str))
-    check_types(least=(least, Integral | None), most=(most, Integral | None), repetitions=(repetitions, Integral))
+    """Run the study of some points, and write its outputs if it has a folder; other arguments as for `repeat`."""
     check_types(folder=(folder, PATH | None), workers=(workers, Integral | None), progress=(progress, Callable | None))
     check_types(executor=(executor, Executor | None), resume=(resume, bool), maps=(maps, bool))
-    rule = rule_of(runs, until, statistic, least, most, repetitions)
     if workers is not None and workers < 1:
         raise ScenarioError(f"workers must be at least 1, not {workers}")
     if len(chosen) * rule.first > MOST_OF_STUDY:
         number = f"{rule.first} runs at each of {len(chosen)} points"
         raise ScenarioError(f"{number} are more than {MOST_OF_STUDY}; reduce the number of runs or points")
     workers = _number_of_workers(chosen, workers or cores(), executor)
-    seeds = Seeds(chosen[0].case.simulation.seed, repetitions)
+    seeds = Seeds(chosen[0].case.simulation.seed, rule.repetitions)
     if folder is None:
         temporary = Path(mkdtemp(prefix="evac-study-"))
         study = Study.begun(chosen, seeds, rule, temporary, is_mapped=maps)
@@ -219,9 +213,11 @@ def _warned(chosen: Sequence[Point], runs: int | None, options: StudyOptions) ->
     """Run the study of some points, and warn of building and people of its first run, and of what came out."""
     for name in options.keys() - StudyOptions.__annotations__.keys():
         raise ScenarioError(f"{name}: no such argument; {did_you_mean(name, [*StudyOptions.__annotations__])}")
+    given: dict[str, Any] = dict(options)
+    rule = rule_of(runs, **{name: given.pop(name) for name in OF_RULE if name in given})
     with suppress(EvacError):  # the study tells why the run is refused
         warn(simulation_of(chosen[0].case, will_run=False).warnings(), 4)
-    study = execute_study(chosen, runs, **options)
+    study = execute_study(chosen, rule, **given)
     warn((*remarks_of(study), *quality_of(study)), 4)
     return study
 

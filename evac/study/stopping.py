@@ -11,11 +11,13 @@ the interval finite, because too many are blocked. The confidence level of the i
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral, Real
 
 import numpy as np
 
 from evac.base.arrays import FloatArray
 from evac.base.errors import ScenarioError
+from evac.base.parameters import check_types
 from evac.study.statistics import CONFIDENCE, Estimate, estimate, least_runs, percentile_of
 
 #: Number of runs before the interval is first computed, unless a percentile needs more; and the greatest number.
@@ -97,6 +99,8 @@ def rule_of(
     repetitions: int = 1,
 ) -> Rule:
     """Return the rule of a fixed number of runs, or with `until` of a narrow interval; see `evac.repeat`."""
+    check_types(runs=(runs, Integral | None), until=(until, Real | None), statistic=(statistic, str))
+    check_types(least=(least, Integral | None), most=(most, Integral | None), repetitions=(repetitions, Integral))
     if until is None:
         if least is not None or most is not None:
             raise ScenarioError("least and most can be used only with until; give runs instead, or add until")
