@@ -176,9 +176,10 @@ class GeojsonImporter(Importer):
         rooms = [shape for _, shape in storey.rooms]
         has_walls = 2 * sum(room.dwithin(storey.outlets, indoormaps.BESIDE) for room in rooms) >= len(rooms) > 0
         spaces = storey.spaces() if has_walls else [shapely.union_all([*storey.ways, *rooms])]
-        parts = [one for space in spaces for one in shapely.get_parts(indoormaps.without(space, solid))]
+        parts = [one for space in spaces for one in shapely.get_parts(flat_parts(space.difference(solid)))]
+        if has_walls:
+            parts = indoormaps.agreeing(parts, shapely.get_coordinates(storey.steps))
         parts = [one for one in parts if one.area > LEAST_CABIN]
-        parts = indoormaps.agreeing(parts) if has_walls else parts
         small = [one for one in parts if one.area < LEAST_ROOM and not one.dwithin(storey.outlets, indoormaps.BESIDE)]
         parts = [one for one in parts if one not in small]
         wall = self.wall or (INDOOR_WALL if has_walls else 0.0)
@@ -195,7 +196,8 @@ class GeojsonImporter(Importer):
             label = f"{storey.name} {door.name or 'door'} {number}"
             self._add_door(plan, storey, door, label, parts, floor, hull, outside)
         for number, (name, shape) in enumerate(storey.rooms, start=1):
-            own = flat_parts(shape & floor)  # without its walls
+            whole = shape.buffer(indoormaps.SAME, join_style="mitre") if has_walls else shape  # to its walls
+            own = flat_parts(whole & floor)
             plan.area(f"{storey.name} {name or 'room'} {number}", storey.name, shape if own.is_empty else own)
         return [(f"ground of less than {LEAST_ROOM:g} m2 without a door", one) for one in small]
 

@@ -248,7 +248,7 @@ def lines_of(line: BaseGeometry) -> list[BaseGeometry]:
 def points_on(
     points: FloatArray, tree: shapely.STRtree, ends: FloatArray, distance: float
 ) -> tuple[IndexArray, IndexArray]:
-    """Return rows of segments (s, 2, 3) and of the points (v, 3) between their ends, sorted along each of them."""
+    """Return rows of segments (s, 2, d) and of the points (v, d) between their ends, sorted along each of them."""
     rows, found = tree.query(shapely.linestrings(ends[:, :, :2]), predicate="dwithin", distance=distance + ROUNDING)
     along, reach = ends[rows, 1] - ends[rows, 0], points[found] - ends[rows, 0]
     square = (along * along).sum(axis=1)
@@ -257,6 +257,16 @@ def points_on(
     on = np.flatnonzero((share > END) & (share < 1.0 - END) & (off <= distance))
     on = on[np.lexsort((share[on], rows[on]))]
     return rows[on], found[on]
+
+
+def divided(
+    corners: FloatArray, tree: shapely.STRtree, ends: FloatArray, distance: float
+) -> tuple[IndexArray, FloatArray]:
+    """Return the rows of sides (s, 2, d) that corners (c, d) divide, and the starts of their parts, in order."""
+    row, corner = points_on(corners, tree, ends, distance)
+    side = np.concatenate([np.arange(len(ends)), row])
+    order = np.argsort(side, kind="stable")
+    return side[order], np.concatenate([ends[:, 0], corners[corner]])[order]
 
 
 def pieces_along(segments: FloatArray, ends: FloatArray, reach: float) -> tuple[FloatArray, IndexArray]:

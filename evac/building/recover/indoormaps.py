@@ -12,7 +12,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray
-from evac.building.geometry import connected_components, flat_parts, lines_of
+from evac.building.geometry import connected_components, divided, flat_parts, lines_of
 from evac.building.model.findings import numbered
 from evac.building.surface.welding import welded
 
@@ -333,26 +333,26 @@ def pieces_of(one: Steps) -> tuple[list[FloatArray], list[BaseGeometry]]:
     return flights, landings
 
 
-def without(space: BaseGeometry, solid: BaseGeometry) -> BaseGeometry:
-    """Return the polygons of a space without what is solid, and without slivers between this and the sides of it."""
-    if space.intersects(solid):
-        rest = space.difference(solid).buffer(-SAME / 2, join_style="mitre")
-        space = rest.buffer(SAME / 2, join_style="mitre")
-    return flat_parts(space)
+def agreeing(polygons: Sequence[BaseGeometry], fixed: FloatArray) -> list[BaseGeometry]:
+    """Return polygons whose corners and sides are the same where they are at most `SAME` apart, without slivers.
 
-
-def agreeing(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
-    """Return polygons whose corners and sides are the same where they are at most `SAME` apart."""
-    if not polygons:
-        return []
-    joined = welded(polygons, SAME)
-    points = shapely.points(np.unique(shapely.get_coordinates(joined), axis=0))
-    tree = shapely.STRtree(points)
-    found = []
+    `fixed` (n, 2) [m]: points that corners which are as near to them become.
+    """
+    corners = shapely.get_coordinates(polygons)
+    row, near = shapely.STRtree(shapely.points(fixed)).query_nearest(
+        shapely.points(corners), max_distance=SAME, all_matches=False
+    )
+    corners[row] = fixed[near]
+    joined = welded(shapely.set_coordinates(np.array(polygons, dtype=object), corners), SAME)
+    corners = np.unique(shapely.get_coordinates(joined), axis=0)
+    tree, found = shapely.STRtree(shapely.points(corners)), list[BaseGeometry]()
     for polygon in joined:
-        near = tree.query(polygon, predicate="dwithin", distance=SAME)
-        snapped = shapely.snap(polygon, shapely.multipoints(points[near]), SAME)
-        found.append(snapped if snapped.is_valid else polygon if polygon.is_valid else polygon.buffer(0))
+        outline, ring = shapely.get_coordinates(shapely.get_rings(polygon), return_index=True)
+        is_side = ring[:-1] == ring[1:]
+        side, points = divided(corners, tree, np.stack([outline[:-1], outline[1:]], axis=1)[is_side], SAME)
+        rings = shapely.linearrings(points, indices=ring[:-1][is_side][side])
+        whole = shapely.make_valid(shapely.polygons(rings[0], rings[1:]), method="structure", keep_collapsed=False)
+        found += shapely.get_parts(flat_parts(whole)).tolist()
     return found
 
 

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.base.arrays import BoolArray, FloatArray, IndexArray
 from evac.base.change import Control, LiftOptions
 from evac.base.errors import BuildingError, PluginError
-from evac.building.geometry import GRID, points_on, remembered, rounded, triangulate
+from evac.building.geometry import GRID, divided, remembered, rounded, triangulate
 from evac.building.model.findings import Finding, as_findings, repaired, with_repaired_names
 
 #: Kinds of tag on surfaces and on edges.
@@ -109,7 +109,7 @@ class SurfaceMesh:
         points, triangles = points[np.argsort(first)], rank[row.ravel()].reshape(-1, 3)
         row_of = {(x, y, z): number for number, (x, y, z) in enumerate(points.tolist())} if edges else {}
         edge_tags: dict[str, list[list[int]]] = {}
-        side, chain = _split(corners, tree, lines)
+        side, chain = divided(corners, tree, lines, GRID)
         for number, (tag, *_) in enumerate(edges):
             own = [*chain[side == number].tolist(), lines[number, 1].tolist()]
             for x, y, z in own:
@@ -231,22 +231,14 @@ def _check_vertices(source: Path, points: FloatArray, blocks: list[IndexArray]) 
         )
 
 
-def _split(corners: FloatArray, tree: shapely.STRtree, ends: FloatArray) -> tuple[IndexArray, FloatArray]:
-    """Return the starts of sides (s, 2, 3) with the corners (c, 3) between their ends, in order, and their sides."""
-    row, corner = points_on(corners, tree, ends, GRID)
-    side = np.concatenate([np.arange(len(ends)), row])
-    order = np.argsort(side, kind="stable")
-    return side[order], np.concatenate([ends[:, 0], corners[corner]])[order]
-
-
 def _triangles(plan: BaseGeometry, height: Height, corners: FloatArray, tree: shapely.STRtree) -> FloatArray:
     """Triangulate a surface to (t, 3, 3); every corner of the drawing on its sides becomes a vertex."""
     triangles = [np.empty((0, 3, 3))]
     for polygon in shapely.get_parts(shapely.normalize(plan)):
         outline, ring = shapely.get_coordinates(shapely.get_rings(polygon), return_index=True)
         points, is_side = _lifted(outline, height), ring[:-1] == ring[1:]
-        side, divided = _split(corners, tree, np.stack([points[:-1], points[1:]], axis=1)[is_side])
-        rings = shapely.linearrings(divided[:, :2], indices=ring[:-1][is_side][side])
+        side, whole = divided(corners, tree, np.stack([points[:-1], points[1:]], axis=1)[is_side], GRID)
+        rings = shapely.linearrings(whole[:, :2], indices=ring[:-1][is_side][side])
         triangles.append(_lifted(_triangulated(shapely.polygons(rings[0], rings[1:])), height).reshape(-1, 3, 3))
     return np.concatenate(triangles)
 
