@@ -12,7 +12,14 @@ WANTED = dict.fromkeys(FORMATS, 19) | {"fds": 15}
 
 @pytest.mark.parametrize(
     ("name", "seed"),
-    [("osm", 2), ("fds", 1), ("imdf", 710300), pytest.param("imdf", 9606, marks=pytest.mark.slow)],
+    [
+        ("osm", 2),
+        ("fds", 1),
+        ("ifc", 237),
+        ("imdf", 235),
+        ("imdf", 710300),
+        pytest.param("imdf", 9606, marks=pytest.mark.slow),
+    ],
 )
 def test_a_stranger_is_right(tmp_path, name, seed):
     assert judge(FORMATS[name](seed, tmp_path), tmp_path / "case") == (RIGHT, [])

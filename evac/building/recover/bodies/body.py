@@ -9,7 +9,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.base.arrays import FloatArray, IndexArray
-from evac.building.geometry import flat_parts, rounded
+from evac.building.geometry import GRID, flat_parts, rounded
 
 #: A face is level if the vertical component of its unit normal exceeds this: slopes below 3 degrees.
 LEVEL = float(np.cos(np.radians(3.0)))
@@ -135,11 +135,11 @@ class Body:
 
 
 def in_plan(triangles: FloatArray) -> BaseGeometry:
-    """Return the union of triangles (t, 3, 2) in plan."""
+    """Return the union of triangles (t, 3, 2) in plan, without those that have an area by rounding alone."""
     if not len(triangles):
         return shapely.Polygon()
     polygons = shapely.polygons(rounded(triangles))
-    return flat_parts(shapely.union_all(polygons[shapely.area(polygons) > 1e-9]))
+    return flat_parts(shapely.union_all(polygons[shapely.area(polygons) > GRID * shapely.length(polygons)]))
 
 
 def closed(geometry: BaseGeometry, gap: float) -> BaseGeometry:
