@@ -177,7 +177,7 @@ class GeojsonImporter(Importer):
         has_walls = 2 * sum(room.dwithin(storey.outlets, indoormaps.BESIDE) for room in rooms) >= len(rooms) > 0
         spaces = storey.spaces() if has_walls else [shapely.union_all([*storey.ways, *rooms])]
         parts = [one for space in spaces for one in shapely.get_parts(flat_parts(space.difference(solid)))]
-        if has_walls:
+        if has_walls and parts:
             parts = indoormaps.agreeing(parts, shapely.get_coordinates(storey.steps))
         parts = [one for one in parts if one.area > LEAST_CABIN]
         small = [one for one in parts if one.area < LEAST_ROOM and not one.dwithin(storey.outlets, indoormaps.BESIDE)]

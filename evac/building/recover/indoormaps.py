@@ -336,12 +336,10 @@ def pieces_of(one: Steps) -> tuple[list[FloatArray], list[BaseGeometry]]:
 def agreeing(polygons: Sequence[BaseGeometry], fixed: FloatArray) -> list[BaseGeometry]:
     """Return polygons whose corners and sides are the same where they are at most `SAME` apart, without slivers.
 
-    `fixed` (n, 2) [m]: points that corners which are as near to them become.
+    `fixed` (n, 2) [m]: points to which corners are moved that are as near to them.
     """
-    corners = shapely.get_coordinates(polygons)
-    row, near = shapely.STRtree(shapely.points(fixed)).query_nearest(
-        shapely.points(corners), max_distance=SAME, all_matches=False
-    )
+    corners, tree = shapely.get_coordinates(polygons), shapely.STRtree(shapely.points(fixed))
+    row, near = tree.query_nearest(shapely.points(corners), max_distance=SAME, all_matches=False)
     corners[row] = fixed[near]
     joined = welded(shapely.set_coordinates(np.array(polygons, dtype=object), corners), SAME)
     corners = np.unique(shapely.get_coordinates(joined), axis=0)
