@@ -30,3 +30,9 @@ def test_a_plan_takes_the_options_of_a_file():
     out = {"name": "out", "segment": [(6, 1), (6, 2)], "level": "ground"}
     assert [way.name for way in plan.building(exits=[out]).exits] == ["out"]
     assert plan.building(need_exit=False).exits == ()
+
+
+@pytest.mark.parametrize(("given", "ends"), [({}, "its height z"), ({"level": "floor z=0.00", "z": 0.0}, "not both")])
+def test_a_level_is_given_by_name_or_by_height(room, read, given, ends):
+    with pytest.raises(BuildingError, match=rf"building\.exits\.0\.level: give .* by name, or its height z.*{ends}$"):
+        read(room, exits=[{"name": "out", "segment": [[6, 1], [6, 2]], **given}])

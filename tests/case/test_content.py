@@ -35,6 +35,8 @@ def test_other_encodings_are_refused(case_file, refusal, encoding):
 def test_a_file_too_large_is_not_read(case_file, refusal):
     case_file.write_text("# " + "x" * MOST_BYTES)
     assert "8 MB is more than a case can hold (8 MB)" in refusal()
+    case_file.write_text("# " + "x" * (MOST_BYTES - 2))  # of the greatest size, it is read
+    assert "more than a case can hold" not in refusal()
 
 
 @pytest.mark.parametrize("depth", [MOST_NESTED + 1, 5_000])

@@ -3,6 +3,7 @@
 import importlib
 import math
 import pkgutil
+import re
 import struct
 import sys
 
@@ -203,9 +204,58 @@ def misspelt(x: float) -> float:
     return hyppot(x, y)  # noqa: F821
 
 
-def test_a_kernel_that_cannot_be_compiled_is_named_with_its_line_and_the_remedy():
-    place = rf"test_compiler\.py, line {misspelt.function.__code__.co_firstlineno + 3}"
-    with pytest.raises(
-        PluginError, match=rf"kernel misspelt: cannot be compiled: .*hyppot.*{place}\); correct the name"
-    ):
-        misspelt(1.0)
+@kernel
+def raising(x: float) -> float:
+    if x > 0.0:
+        raise ValueError("positive")
+    return x
+
+
+def plain(x):
+    return 2.0 * x
+
+
+@kernel
+def calling(x: float) -> float:
+    y = plain(x)
+    return y
+
+
+@kernel
+def unlike(x: float) -> float:
+    if x > 0.0:
+        return x
+    return x, x
+
+
+@kernel
+def allocating(x: float) -> float:
+    y = x
+    return np.zeros(3)[0] + y
+
+
+@kernel
+def texting(x: float) -> float:
+    y = str(x)
+    return len(y)
+
+
+@pytest.mark.parametrize(
+    ("entry", "line", "reason", "remedy"),
+    [
+        (misspelt, 3, "hyppot", "correct the name"),
+        (raising, 3, "raise", "kernels raise no exceptions"),
+        (calling, 2, "plain", "decorate the functions that it calls with evac.jit.inner"),
+        (unlike, 0, "Can't unify", "return the same numbers in every case"),
+        (allocating, 3, "", "use only numbers, tuples, structs, arrays and math"),
+        (texting, 3, "", "use only numbers, tuples, structs, arrays and math"),
+    ],
+    ids=lambda value: getattr(value, "__name__", None),
+)
+def test_a_kernel_that_cannot_be_compiled_is_named_with_its_line_and_the_remedy(entry, line, reason, remedy):
+    first = entry.function.__code__.co_firstlineno
+    with pytest.raises(PluginError, match=rf"kernel {entry.__name__}: cannot be compiled: .*{reason}") as caught:
+        entry(1.0)
+    told, place = re.search(r"\(([^()]*test_compiler\.py, line (\d+))\); (.*)", str(caught.value)).group(1, 2)
+    assert f"{told}); {remedy}" in str(caught.value)
+    assert int(place) == first + line
