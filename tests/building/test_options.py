@@ -34,5 +34,5 @@ def test_a_plan_takes_the_options_of_a_file():
 
 @pytest.mark.parametrize(("given", "ends"), [({}, "its height z"), ({"level": "floor z=0.00", "z": 0.0}, "not both")])
 def test_a_level_is_given_by_name_or_by_height(room, read, given, ends):
-    with pytest.raises(BuildingError, match=rf"building\.exits\.0\.level: give .* by name, or its height z.*{ends}$"):
+    with pytest.raises(BuildingError, match=rf"building\.exits\.0\.level: give the level by name, or .*{ends}$"):
         read(room, exits=[{"name": "out", "segment": [[6, 1], [6, 2]], **given}])
