@@ -62,3 +62,56 @@ def test_what_happens_to_several_things_at_once_is_told_once_and_stops_of_lifts_
     told = [(10.0, "'a', 'b' alarmed"), (10.0, "'b' closed"), (20.0, "'a' alarmed")]
     told += [(20.0, "'a' at 0.5 of the speed"), (20.0, "'b' at 0.4 of the speed")]
     assert changes_in_words(changes) == told
+
+
+@pytest.mark.parametrize(
+    ("kind", "what", "values", "words"),
+    [
+        ("open", "door", {}, "'door' opened"),
+        ("close", "door", {"value": "bodies"}, "'door' closed for bodies alone"),
+        ("no_entry", "hall", {"value": False}, "'hall' open to those who would enter"),
+        ("no_entry", "hall", {}, "'hall' closed to those who would enter"),
+        ("control", "door", {"value": False}, "'door' without control"),
+        ("move", "stair", {"value": False}, "'stair' stands still"),
+        ("one_way", "stair", {"value": "up"}, "'stair' one-way, up,"),
+        ("one_way", "stair", {"value": False}, "'stair' two-way"),
+        ("slow", "hall", {"value": 0.5}, "'hall' at 0.5 of the speed"),
+        ("bar", "hall", {"value": False}, "'hall' free"),
+        ("bar", "hall", {}, "'hall' barred"),
+        ("strategy", "class", {"value": ["a", "b"]}, "'class' to a, b"),
+        ("strategy", "class", {"value": []}, "'class' to any exit"),
+        ("strategy", "class", {"value": "shortest"}, "'class' on the shortest way"),
+        ("alarm", "", {"value": 0.5}, "everybody alarmed"),
+        ("lift", "lift", {"value": ["leaves", "f1", "f2"]}, "'lift' leaves f1 for f2"),
+    ],
+)
+def test_a_change_in_words(kind, what, values, words):
+    change = Change(2.5, kind, what, values)
+    assert change.words == words
+    assert str(change) == f"{words} at 2.5 s"
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ((0.0, "close\n", "door"), "kind and name must be texts of one line"),
+        ((0.0, "close", 3), "kind and name must be texts of one line"),
+        ((float("inf"), "close", "door"), "not a finite number"),
+        (("0", "close", "door"), "not a finite number"),
+        ((0.0, "close", "door", [1]), "is not a dictionary"),
+        ((0.0, "close", "door", {"value": float("nan")}), "use names, with finite numbers"),
+        ((0.0, "close", "door", {"value": [[1]]}), "use names, with finite numbers"),
+        ((0.0, "close", "door", {1: "x"}), "use names, with finite numbers"),
+        ((0.0, "close", "door", {"let_through": [-1]}), "not a list of people"),
+        ((0.0, "close", "door", {"let_through": [True]}), "not a list of people"),
+        ((0.0, "close", "door", {"let_through": 1}), "not a list of people"),
+    ],
+)
+def test_what_is_no_change_is_refused(given, words):
+    with pytest.raises(ValueError, match=words):
+        Change(*given)
+
+
+def test_lists_of_a_change_are_tuples_and_its_time_a_float():
+    change = Change(2, "close", "door", {"let_through": [0, 3]})
+    assert (change.time, type(change.time), change.values) == (2.0, float, {"let_through": (0, 3)})

@@ -1,6 +1,7 @@
 """What is written as TOML is read as it was."""
 
 import tomllib
+from itertools import pairwise
 
 import pytest
 
@@ -33,6 +34,14 @@ def test_long_values_are_broken_into_lines_and_read_as_they_were(table):
     assert tomllib.loads(text) == table
     assert max(map(len, text.splitlines())) <= WIDTH + 1  # with the break of a string
     assert tomllib.loads("\n".join(toml_lines(table))) == table
+
+
+def test_the_lines_of_a_long_text_are_filled():
+    lines = toml_lines({"text": LONG})
+    assert len(lines) > 3
+    for line, following in pairwise(lines):
+        word = following.removesuffix("\\").split(" ")[0]
+        assert len(line.removesuffix("\\")) <= WIDTH < len(line.removesuffix("\\")) + len(word) + 1
 
 
 def test_tables_have_heads_unless_they_fit_a_line_of_another_table():
