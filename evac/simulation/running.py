@@ -193,7 +193,8 @@ class Interrupt:
 
     A third one raises KeyboardInterrupt anywhere, as does a second one if `may_break`, while recorders finish. `wanted`
     is the number of the last one. Signals that were ignored before, such as SIGHUP under nohup, remain ignored. Outside
-    the main thread, which is the only one that receives signals, no handler is installed.
+    the main thread, which is the only one that receives signals, no handler is installed. With `announce`, which is
+    called at the first signal, the process ends after an interrupt: signals while it tells what is missing are ignored.
     """
 
     def __init__(self, names: Iterable[str] = ("SIGINT",), announce: Callable[[int], None] | None = None) -> None:
@@ -213,8 +214,9 @@ class Interrupt:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        is_last = self._announce is not None and isinstance(error, KeyboardInterrupt)
         for number, handler in self._before.items():
-            signal.signal(number, handler)
+            signal.signal(number, signal.SIG_IGN if is_last else handler)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.wanted, self.count = number, self.count + 1

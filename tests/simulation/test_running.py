@@ -339,6 +339,13 @@ def test_signals_are_counted_and_the_third_or_one_that_may_break_raises(signals,
 
 
 @pytest.mark.usefixtures("heeded")
+def test_what_a_command_tells_of_an_interrupt_is_not_interrupted():
+    with pytest.raises(KeyboardInterrupt), Interrupt(announce=Mock()):
+        raise KeyboardInterrupt
+    signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.usefixtures("heeded")
 def test_a_signal_while_outputs_are_written_leaves_out_the_rest_and_names_it(tmp_path, monkeypatch):
     save = Mock(side_effect=lambda *_: signal.raise_signal(signal.SIGINT))
     monkeypatch.setattr("evac.pictures.writing.save", save)
