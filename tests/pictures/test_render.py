@@ -1,5 +1,6 @@
 """Pictures and films, in three dimensions and in plan."""
 
+import importlib.util
 from dataclasses import replace
 from itertools import pairwise
 
@@ -153,6 +154,18 @@ def test_film_has_as_many_pictures_as_its_speed_asks_for(trajectory, tmp_path):
             film.seek(k)
             pictures.append(np.asarray(film.convert("RGB")))
     assert all((a != b).any() for a, b in pairwise(pictures))
+
+
+def test_a_film_as_mp4_needs_its_extra(trajectory, tmp_path, monkeypatch):
+    path, there = tmp_path / "run.mp4", importlib.util.find_spec("imageio_ffmpeg")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ResultError, match=r"run\.mp4: .*evac\[film\].*\.gif"):
+        render_animation(Renderer(trajectory, SIZE, "plan"), path)
+    assert not path.exists()
+    monkeypatch.undo()
+    if there:
+        render_animation(Renderer(trajectory, SIZE, "plan"), path)
+        assert path.read_bytes()[4:8] == b"ftyp"
 
 
 def closed(path, *names):

@@ -1,8 +1,10 @@
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from evac.pictures.writing import legible, save
+from evac.pictures import palette
+from evac.pictures.writing import Pen, legible, save
 
 
 @pytest.mark.parametrize(
@@ -31,3 +33,42 @@ def test_a_picture_has_the_list_of_its_numbers_beside_it(tmp_path):
     one, other = (Image.open(path).tobytes() for path in pictures)
     assert one == other
     assert figures[0].texts[0].get_text() == "東口: 階段"
+
+
+class Noted:
+    """What a pen draws, instead of drawing it."""
+
+    def __init__(self):
+        self.calls = []
+
+    def __getattr__(self, kind):
+        return lambda *given: self.calls.append((kind, *given))
+
+    def of(self, kind):
+        return [given for one, *given in self.calls if one == kind]
+
+
+@pytest.mark.parametrize(("scale", "length"), [(20.0, 5.0), (7.0, 20.0), (200.0, 0.5)])
+@pytest.mark.parametrize("north", [None, (0.0, -1.0), (0.6, 0.8)])
+def test_the_scale_bar_is_as_long_as_it_says_and_the_arrow_points_north(scale, length, north):
+    pen = Pen(Image.new("RGB", (1000, 800)))
+    pen.draw = noted = Noted()
+    pen.scale_bar(scale, None if north is None else np.array(north))
+    lines = [np.array(points) for points, *_ in noted.of("line")]
+    assert np.ptp(lines[0][:, 0]) == pytest.approx(length * scale)
+    assert [np.ptp(tick[:, 0]) for tick in lines[1:3]] == [0.0, 0.0]
+    texts = {words: place for place, words, *_ in noted.of("text")}
+    assert f"{length:g} m" in texts
+    assert ("N" in texts) == (north is not None)
+    if north is None:
+        assert len(lines) == 3
+        assert not noted.of("polygon")
+        return
+    shaft, ((corners, colour),) = lines[3], noted.of("polygon")
+    assert colour == palette.TEXT
+    point, *others = np.array(corners)
+    whole = point - shaft[0]
+    assert whole == pytest.approx(2.2 * pen.unit * np.array(north))  # from end to end of the arrow
+    assert (np.dot(np.array(others) - point, north) < 0.0).all()
+    assert 0.0 < np.dot(shaft[1] - shaft[0], north) < np.dot(whole, north)
+    assert np.mean(others, axis=0) == pytest.approx(point - 0.88 * pen.unit * np.array(north))
