@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from evac.base.errors import ResultError
 from evac.base.progress import track
-from evac.building.model.building import Building
+from evac.building.model.building import Building, Exit, Portal
 from evac.building.model.elevation import on_level, triangles_on
 from evac.export.exporter import file_stems
 from evac.folder import files
@@ -193,12 +193,11 @@ def building_blocks(building: Building) -> Iterator[tuple[str, str, PolyData]]:
         walls = building.walls[building.wall_level == level.index]
         if len(walls):
             yield "walls", level.name, _line_part(building, "wall", level.index, walls)
-    for exit_ in building.exits:
-        kind = "exit" if building.is_open(exit_) else "closed exit"
-        yield "exits", exit_.name, _line_part(building, kind, exit_.level, exit_.segments)
-    for portal in building.portals:
-        kind = "portal" if building.is_open(portal) else "closed portal"
-        yield "portals", portal.name, _line_part(building, kind, portal.levels[0], portal.segments)
+    links: list[Exit | Portal] = [*building.exits, *building.portals]
+    for link in links:
+        kind = "exit" if isinstance(link, Exit) else "portal"
+        state = kind if building.is_open(link) else f"closed {kind}"
+        yield f"{kind}s", link.name, _line_part(building, state, link.levels[0], link.segments)
     for area in building.areas:
         corners = triangles_on(building, area.level, area.polygon)
         yield "areas", area.name, _part(building, "area", area.level, corners, np.arange(len(corners)).reshape(-1, 3))
