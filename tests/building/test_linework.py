@@ -6,7 +6,7 @@ import shapely
 from shapely import LineString, box
 from shapely.affinity import rotate
 
-from evac.building.recover.linework import faces_of, rooms_of
+from evac.building.recover.linework import door_sides, faces_of, rooms_of
 
 #: Two rooms of 4 m and 4 m by 3 m, with a door between them, one to the outside, and gaps of 5 and 3 cm.
 SINGLE = [
@@ -114,3 +114,9 @@ def test_an_overshoot_and_lines_drawn_twice_change_nothing():
     lines = [*outlines(box(0, 0, 5, 4)), LineString([(5, 0), (5.05, 0)]), LineString([(5, 3e-5), (0, 2e-5)])]
     found = faces_of(lines, 0.1)
     assert sum(face.area for face in found.faces) == pytest.approx(20.0, rel=1e-3)
+
+
+def test_doors_have_as_many_sides_as_rooms_at_them():
+    floor = shapely.union_all([box(0, 0, 5, 4), box(5.2, 0, 10, 4)])
+    doors = {(2, 1, 2, 2): 0, (5.1, 1, 5.1, 2): 2, (10.1, 1, 10.1, 2): 1, (4.5, 2, 5.7, 2): 0, (0, 1, 0, 2): 1}
+    assert door_sides(np.array([*doors], float), floor).tolist() == [*doors.values()]

@@ -129,3 +129,17 @@ def test_a_level_that_is_solved_alone_takes_the_times_beyond_its_jump(storeys):
     assert alone.waves.time == pytest.approx(together.waves.time, abs=1e-9)
     crowded = alone.waves.time[(alone.waves.level_of == 1) & np.isfinite(alone.waves.time)]
     assert crowded.min() > column().waves.time[(alone.waves.level_of == 1)].min() + 5.0
+
+
+def test_an_exit_with_ground_close_behind_it_is_where_its_ways_end(drawing):
+    drawing.level(shapely.union_all([shapely.box(0, 0, 5, 4), shapely.box(5.05, 0, 10, 4)]))
+    drawing.exit("through the wall", 0, (5, 1), (5, 3))
+    drawing.exit("right", 0, (10, 0), (10, 4))
+    building = drawing.build()
+    points = positions_on(building, 0, 300)
+    left = points[:, 0] < 5.0
+    above = np.maximum(np.abs(points[:, 1] - 2.0) - 1.0, 0.0)
+    exact = np.where(left, np.hypot(5.0 - points[:, 0], above), 10.0 - points[:, 0])
+    for one in solved(building, clearance=0.0):
+        assert np.abs(one.travel_time_at(0, points, 0) - exact)[~left].max() < 2.0 * SPACING
+        assert np.abs(one.travel_time_at(0, points, 0) - exact)[left].max() < 3.0 * SPACING

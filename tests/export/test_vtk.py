@@ -34,6 +34,13 @@ def test_every_frame_holds_the_people_at_true_height_with_their_arrays(exported)
         assert people.field_data["group_names"].tolist() == ["even", "odd"]
 
 
+def test_an_animation_is_written_again_in_its_place(exported):
+    trajectory, path = exported
+    before = {file: file.read_bytes() for file in path.parent.rglob("*.vt?")}
+    assert export_vtk(trajectory, path.parent) == path
+    assert {file: file.read_bytes() for file in path.parent.rglob("*.vt?")} == before
+
+
 def test_building_has_its_parts_by_name_at_their_heights(exported):
     trajectory, path = exported
     blocks = pyvista.read(path.parent / "building.vtm")
