@@ -55,7 +55,8 @@ def read_json(path: Path) -> dict[str, Any]:
             "whether `evac resume` can end it"
         ) from error
     except (OSError, ValueError, RecursionError) as error:
-        raise ResultError(f"{path}: cannot be read: {error}; run the case again") from error
+        why = getattr(error, "strerror", None) or error
+        raise ResultError(f"{path}: cannot be read: {why}; run the case again") from error
     if not isinstance(data, dict):
         raise ResultError(f"{path}: holds no table; run the case again")
     return data
