@@ -4,7 +4,8 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from shapely import box
+import shapely
+from shapely import Polygon, box
 
 from evac.building.surface.surfacemesh import SurfaceMesh
 
@@ -44,3 +45,11 @@ def test_an_edge_is_cut_where_a_corner_lies_on_it():
     surfaces = [("floor:west", box(0, 0, 2, 2), 0.0), ("floor:east", box(2, 0, 4, 2), 0.0)]
     mesh = SurfaceMesh.of_polygons(surfaces, [("exit:wide", (1, 0, 0), (3, 0, 0))])
     assert np.array(mesh.points)[mesh.edge_tags["exit:wide"]][:, :, 0].tolist() == [[1.0, 2.0], [2.0, 3.0]]
+
+
+def test_a_sliver_with_the_corners_of_others_on_both_of_its_long_sides_is_divided():
+    ends, corners = [(-17.706212, -84.822172), (-17.7062, -84.8222)], [(-17.773912, -84.850704), (-17.7739, -84.8507)]
+    sliver, beside = Polygon([(-17.773912, -84.850705), *ends]), Polygon([*corners, (-17.7, -84.9)])
+    mesh = SurfaceMesh.of_polygons([("floor:a", sliver, 0.0), ("floor:b", beside, 0.0)])
+    areas = shapely.area(shapely.polygons(np.asarray(mesh.points)[np.asarray(mesh.cells)][:, :, :2]))
+    assert areas.sum() == pytest.approx(sliver.area + beside.area, abs=1e-6)

@@ -248,12 +248,9 @@ def _triangulated(polygon: BaseGeometry) -> FloatArray:
     """Return the corners (3 t, 2) of the triangles of a polygon."""
     try:
         pieces = shapely.constrained_delaunay_triangles(polygon)
-    except shapely.GEOSException as error:
-        x, y = shapely.get_coordinates(shapely.get_rings(polygon)[-1])[0]
-        raise ValueError(
-            f"the surface at ({x:z.2f}, {y:z.2f}) cannot be triangulated: parts of its outline are too close to each "
-            "other there; repair the outline"
-        ) from error
+    except shapely.GEOSException:  # corners beside a sliver are on both of its long sides
+        whole = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
+        pieces = shapely.constrained_delaunay_triangles(whole)
     corners: FloatArray = shapely.get_coordinates(shapely.get_parts(pieces)).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
     return corners
 

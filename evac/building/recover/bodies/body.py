@@ -139,7 +139,8 @@ def in_plan(triangles: FloatArray) -> BaseGeometry:
     if not len(triangles):
         return shapely.Polygon()
     polygons = shapely.polygons(rounded(triangles))
-    return flat_parts(shapely.union_all(polygons[shapely.area(polygons) > GRID * shapely.length(polygons)]))
+    whole = shapely.union_all(polygons[shapely.area(polygons) > GRID * shapely.length(polygons)])
+    return flat_parts(shapely.set_precision(whole, GRID))
 
 
 def closed(geometry: BaseGeometry, gap: float) -> BaseGeometry:
