@@ -4,8 +4,8 @@ import json
 from zipfile import ZipFile
 
 import pytest
-from shapely import box, to_geojson
-from shapely.geometry import LineString, Point, Polygon
+from shapely import box, to_geojson, transform
+from shapely.geometry import GeometryCollection, LineString, Point, Polygon
 
 from evac import BuildingError, import_building, read_building
 
@@ -14,14 +14,9 @@ DEGREE, EAST = 110574.27, 111319.49 / 110574.27
 
 
 def feature(shape, **properties):
-    geometry = json.loads(to_geojson(shape))
-    geometry["coordinates"] = scaled(geometry["coordinates"])
+    geometry = json.loads(to_geojson(transform(shape, lambda metres: metres / DEGREE)))
     top = {key: properties.pop(key) for key in ("id", "feature_type") if key in properties}
     return {"type": "Feature", "geometry": geometry, "properties": properties, **top}
-
-
-def scaled(numbers):
-    return [scaled(one) if isinstance(one, list) else one / DEGREE for one in numbers]
 
 
 def collection(*features):
@@ -37,7 +32,10 @@ def ground(building, storey):
 UNITS = [
     feature(box(0, 0, 20, 3), id="u1", feature_type="unit", category="walkway", level_id="g"),
     feature(box(0, 3, 10, 9), id="u2", feature_type="unit", category="room", level_id="g", name={"ja-JP": "機械室"}),
-    feature(box(10, 3, 20, 9), id="u3", feature_type="unit", category="room", level_id="g", name=None),
+    feature(
+        GeometryCollection([box(10, 3, 20, 9), LineString([(10, 3), (20, 3)])]),
+        **{"id": "u3", "feature_type": "unit", "category": "room", "level_id": "g", "name": None},
+    ),
     feature(box(2, 5, 3, 6), id="u4", feature_type="unit", category="elevator", level_id="g", name=None),
 ]
 OPENINGS = [
@@ -137,10 +135,12 @@ def test_levels_as_ranges_with_a_stair_through_all_of_them(tmp_path):
         feature(box(4, 4, 10, 6), indoor="area", stairs="yes", level="0-2"),
         feature(LineString([(0, 1), (0, 2)]), entrance="main"),
         feature(Point(3, 3), door="yes", level="9"),
+        feature(LineString([(20, 10), (30, 10), (30, 20)]), indoor="room", level="1", name="not closed"),
     ]
     (tmp_path / "a.geojson").write_text(collection(*features))
     made = import_building([tmp_path / "a.geojson"], tmp_path / "case", people=9)
-    assert (["attic" in one for one in made.missing], len(made.building.stairs)) == ([True], 2)  # 100 m2 of 1,000
+    attic, line = made.missing  # 100 m2 of 1,000
+    assert ("attic" in attic, "not closed" in line, len(made.building.stairs)) == (True, True, 2)
     assert sorted({level.z_min for level in made.building.levels if level.kind == "floor"}) == [0.0, 3.0, 6.0]
     left_out = [one.text for one in made.findings if one.kind == "left out"]
     assert ["on level '9'" in text for text in left_out] == [True]

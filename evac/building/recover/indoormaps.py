@@ -131,14 +131,17 @@ def read_map(
                 _number(own["ordinal"], 0.0),
             )
     taken: set[str] = set()
-    for own, shape in features:
+    for own, drawn in features:
+        shape = flat_parts(drawn) if drawn.geom_type == "GeometryCollection" else drawn
         what = _category(profile, own)
         on = _levels(own, names) if profile != "wrld3d" else ["floor"]
         if not what:
             nowhere.append((f"no floor, door or stair: {_kind(own)}", shape))
             continue
-        if shape.is_empty or (what == "steps" and len(on) > 1 and shape.length < LEAST_STEPS):
-            nowhere.append((f"{what} {_text(own.get('name'))!r} without a length", shape))
+        is_stair = what == "steps" and len(on) > 1
+        is_line = is_stair or what in ("door", "solid")
+        if shape.is_empty or (is_stair and shape.length < LEAST_STEPS) or not (is_line or shape.area):
+            nowhere.append((f"{what} {_text(own.get('name'))!r} without an area or a length", shape))
             continue
         if not on:
             nowhere.append((f"{what} {_text(own.get('name'))!r} without a level", shape))
@@ -148,7 +151,7 @@ def read_map(
                 label = numbered(f"level {len(levels)}" if len(label) > LONGEST_NAME else label, taken)
                 taken.add(label)
                 levels[name] = Storey(label, order)
-        if what == "steps" and len(on) > 1:
+        if is_stair:
             steps += _steps(own, shape, sorted((levels[name] for name in on), key=lambda one: one.order))
             if shape.geom_type == "LineString":
                 continue
@@ -224,11 +227,11 @@ def _add(storey: Storey, what: str, own: Mapping[str, Any], shape: BaseGeometry)
         storey.doors.append(MapDoor(name, _axis(shape) if is_ground else shape, width, is_entrance))
     elif what == "solid":
         storey.solids.append(shape if is_ground else shape.buffer(0.05, cap_style="flat"))
-    elif is_ground and what == "shaft":
+    elif what == "shaft":
         storey.shafts.append(shape)
-    elif is_ground and what == "room":
+    elif what == "room":
         storey.rooms.append((name, shape))
-    elif is_ground:
+    else:
         storey.ways.append(shape)
 
 
