@@ -79,6 +79,7 @@ def test_speeds_of_the_laws(name, given, desired, extinction, speed):
 def test_losses_by_smoke_and_irritants_add():
     fic = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0])
     np.testing.assert_allclose(share_with_irritants(fic), [1.0, 0.914, 0.714, 0.308, 0.141, 0.083, 0.0], atol=6e-4)
+    np.testing.assert_array_equal(share_with_irritants(np.array([2.0, 50.0])), 0.0)
     smoke, desired = np.full(7, 3.0), np.full(7, 1.25)
     share = share_in_smoke(LAWS["fds_evac"](), desired, smoke, fic)
     np.testing.assert_allclose(share, np.maximum(1.0 - 3.0 * 0.057 / 0.706 - (1.0 - share_with_irritants(fic)), 0.1))

@@ -9,7 +9,7 @@ import evac
 from evac.base.errors import PluginError, ResultError, ScenarioError
 from evac.base.saved import FINITE
 from evac.conformance import check_plugin
-from evac.people.behaviour import is_legal
+from evac.people.behaviour import Behaviour, check_written, is_legal
 from evac.results.ending import Stopped
 from evac.simulation.simulation import Simulation
 from tests.runs import run_ticks
@@ -128,6 +128,35 @@ def test_numbers_that_may_be_written_of_people_have_bounds(name, legal, illegal)
                 assert is_legal(crowd, 2)
                 getattr(crowd, name).reshape(-1)[-1 if last else 0] = value
                 assert is_legal(crowd, 2) == expected
+
+
+class Odd(Behaviour):
+    """Writes what it may."""
+
+    name = "odd"
+    writes = ("route", "start_time", "speed_factor", "extra_direction")
+
+    def act(self, crowd, time):
+        """Do nothing."""
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("route", 2, "wrote route 2 for person 1"),
+        ("route", -1, "wrote route -1 for person 1"),
+        ("start_time", np.nan, "wrote nan to start_time of person 1"),
+        ("speed_factor", -0.5, "wrote -0.5 to speed_factor of person 1"),
+        ("speed_factor", np.inf, "wrote inf to speed_factor of person 1"),
+        ("extra_direction", [0.0, np.nan], r"wrote \[ *0\. +nan\] to extra_direction of person 1"),
+    ],
+)
+def test_the_first_person_for_whom_a_behaviour_writes_what_is_illegal_is_named(name, value, words):
+    crowd = crowd_at(np.zeros((3, 2)), np.zeros(3, np.int32))
+    check_written(Odd(), [], crowd, None, 2, 1.5)
+    getattr(crowd, name)[1:] = value
+    with pytest.raises(PluginError, match=rf"^t = 1\.500 s: behaviour 'odd': {words} \(.*test_behaviour\.py"):
+        check_written(Odd(), [], crowd, None, 2, 1.5)
 
 
 def test_files_are_read_from_the_folder_of_the_case_only(smoky, tmp_path):
