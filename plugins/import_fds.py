@@ -351,7 +351,8 @@ def _stairs(steps: list[list[Line]], floors: list[Floor], cut_slabs: bool, findi
     """Return the stairs between the floors; steps that are none are left out of the floors, as obstructions are."""
     bodies = [Body("stair", f"&OBST of line {own[0].number}", *_faces([one.box for one in own])) for own in steps]
     hulls = {floor.name: shapely.convex_hull(floor.ground) for floor in floors}
-    lead = [one for one in bodies if any(_is_below(one, floor) for floor in floors)]  # others are tribunes
+    # Steps that begin below a floor and end at it; others are tribunes.
+    lead = [one for one in bodies if any(one.z_min + SAME < on.z and abs(on.z - one.z_max) < SAME for on in floors)]
     stairs = stairs_of(lead, floors, hulls, cut_slabs, findings)
     made = united([stair.plan for stair in stairs])
     for body in bodies:
@@ -361,11 +362,6 @@ def _stairs(steps: list[list[Line]], floors: list[Floor], cut_slabs: bool, findi
                 if body.z_min < floor.z + SECTIONS[-1] and body.z_max > floor.z + SECTIONS[0]:
                     floor.ground = cut(floor.ground, plan)
     return stairs
-
-
-def _is_below(body: Body, floor: Floor) -> bool:
-    """Return whether steps begin below a floor and end at it."""
-    return body.z_min + SAME < floor.z and abs(floor.z - body.z_max) < SAME
 
 
 def _faces(boxes: list[FloatArray]) -> tuple[FloatArray, IndexArray]:

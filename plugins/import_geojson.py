@@ -85,7 +85,8 @@ class GeojsonImporter(Importer):
             return _plan_of_features(documents[0]["features"], path)
         objects = [item for document in documents for item in _objects(document)]
         names = {name for item in objects for name in _properties(item)}
-        profile = indoormaps.OSM if is_xml else "" if "kind" in names else indoormaps.profile_of(names)
+        profile = next((one for one, keys in indoormaps.PROFILES.items() if names & {*keys}), "")
+        profile = indoormaps.OSM if is_xml else "" if "kind" in names else profile
         if not profile and names and not {name.lower() for name in names} & (KNOWN | LABELS):
             raise BuildingError(
                 f"{path}: features have the properties {', '.join(sorted(names)[:12])}, which are not those of evac "

@@ -17,7 +17,6 @@ WANTED = dict.fromkeys(FORMATS, 19) | {"fds": 15}
         ("fds", 1),
         ("ifc", 237),
         ("imdf", 235),
-        ("imdf", 710300),
         pytest.param("imdf", 9606, marks=pytest.mark.slow),
     ],
 )

@@ -22,8 +22,6 @@ SHAFTS = frozenset(("opentobelow", "elevator", "escalator", "shaft", "void"))
 CLOSED = SHAFTS | {"structure", "column", "vegetation", "wall", "parking"}
 #: Categories and values of ways that are open to each other without doors.
 WAYS = frozenset(("walkway", "corridor", "area", "lobby", "foyer", "unenclosedarea", "ramp", "stairs", "steps"))
-#: Categories of units of IMDF that are stairs.
-STAIRS = ("stairs", "steps")
 #: Categories of openings of IMDF that lead out of a building.
 ENTRANCES = ("pedestrian.principal", "emergencyexit")
 #: Width of doors without a width, of stairs without one [m], and the farthest that a door may be from its wall [m].
@@ -107,11 +105,6 @@ class Steps:
     area: BaseGeometry | None = None
 
 
-def profile_of(names: set[str]) -> str:
-    """Return the profile of a file whose features have some properties; empty if it is none."""
-    return next((profile for profile, keys in PROFILES.items() if names & set(keys)), "")
-
-
 def read_map(
     profile: str, features: Sequence[tuple[Mapping[str, Any], BaseGeometry]]
 ) -> tuple[list[Storey], list[Steps], list[tuple[str, BaseGeometry]]]:
@@ -123,13 +116,11 @@ def read_map(
     steps: list[Steps] = []
     nowhere: list[tuple[str, BaseGeometry]] = []
     shafts: list[tuple[Mapping[str, Any], BaseGeometry, Storey]] = []
-    names: dict[str, tuple[str, float]] = {}
-    for own, _ in features:
-        if "ordinal" in own:
-            names[str(own.get("id"))] = (
-                _text(own.get("name")) or f"level {own['ordinal']}",
-                _number(own["ordinal"], 0.0),
-            )
+    names = {
+        str(own.get("id")): (_text(own.get("name")) or f"level {own['ordinal']}", _number(own["ordinal"], 0.0))
+        for own, _ in features
+        if "ordinal" in own
+    }
     taken: set[str] = set()
     for own, drawn in features:
         shape = flat_parts(drawn) if drawn.geom_type == "GeometryCollection" else drawn
@@ -155,7 +146,7 @@ def read_map(
             steps += _steps(own, shape, sorted((levels[name] for name in on), key=lambda one: one.order))
             if shape.geom_type == "LineString":
                 continue
-        if profile == "IMDF" and own.get("category") in STAIRS:
+        if profile == "IMDF" and own.get("category") in ("stairs", "steps"):
             shafts.append((own, shape, levels[on[0]]))
         for name in on:
             _add(levels[name], what, own, shape)
