@@ -1,6 +1,8 @@
 """The engine: work arrays that are too short grow, and parts that a step needs are loaded, without a change of bits."""
 
+import re
 import signal
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -297,3 +299,22 @@ def test_a_law_reads_the_attributes_of_its_model():
 def test_an_unknown_solver_names_the_closest_one():
     with pytest.raises(PluginError, match=r"contact\.nsm1\.solver: .*'uzava'.*'uzawa'"):
         walk(Nsm1(solver="uzava"), make_crowd([(0, 0)]), 1)
+
+
+class Foreign(ContactModel):
+    """A model of a plugin."""
+
+    name = "foreign"
+
+
+def test_the_person_whose_velocity_a_law_has_lost_is_named():
+    nan = np.nan
+    free = np.array([[1.0, 0.0], [nan, 0.0], [1.0, 0.0], [1.0, 0.0]])
+    solved = np.array([[1.0, 0.0], [nan, 0.0], [nan, 1.0], [nan, nan]])
+    bodies = SimpleNamespace(inside=3, free=free, solved=solved, row=np.array([7, 5, 3, 1]))
+    error = Foreign().culprit(SimpleNamespace(bodies=bodies))
+    assert re.search(r"'foreign': its law sets the velocity \[nan +1\.\] of person 3 \(", str(error))
+    bodies.inside = 2  # what was lost before the law is not its fault
+    assert Foreign().culprit(SimpleNamespace(bodies=bodies)) is None
+    bodies.inside = 3
+    assert Nsm2().culprit(SimpleNamespace(bodies=bodies)) is None
