@@ -1,4 +1,4 @@
-"""Riding: people stand or walk on escalators and moving walkways, each on their side."""
+"""Riding: people stand on one side of escalators and moving walkways, and walk on the other."""
 
 import numpy as np
 import shapely

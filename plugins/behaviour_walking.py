@@ -1,4 +1,4 @@
-"""Walking: people keep a distance, take the heading along which they get on best, and let others pass."""
+"""Walking: people keep a distance, take the heading with the most progress, and let others pass."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Recorders "trajectory", positions of all people in each frame, and "replay", the page that is made of them.
+"""Recorders "trajectory", positions of all people in each frame, and "replay", the page that shows them.
 
 The file of the trajectory stays readable if a run is killed.
 """

@@ -1,4 +1,4 @@
-"""What is measured of people at recorded times; maps, pictures, the replay and reports have it from here."""
+"""Speed, waiting and contact force of people at recorded times, for maps, pictures, the replay and reports."""
 
 import math
 from collections import deque

@@ -1,4 +1,4 @@
-"""Queues by what causes them: the exit, door, stair or person beyond which people walk on, or thick smoke."""
+"""Queues, each with its cause: the exit, door, stair or person beyond which people walk on, or thick smoke."""
 
 import math
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""The state of a run, of which every part declares what it saves: arrays of a checkpoint, checked as they are read."""
+"""State of a run for checkpoints: each part declares the arrays that it saves, which are checked when read."""
 
 import reprlib
 from collections.abc import Iterator, Mapping

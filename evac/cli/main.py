@@ -1,4 +1,4 @@
-"""``evac COMMAND ...``: the parser and the handling of errors."""
+"""The program ``evac COMMAND ...``: its parser, and the handling of errors."""
 
 import argparse
 import atexit

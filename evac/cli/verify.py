@@ -1,4 +1,4 @@
-"""evac verify and evac evidence."""
+"""Commands that check evac itself: evac verify, evac evidence."""
 
 import argparse
 import sys

@@ -1,4 +1,4 @@
-"""What people are exposed to: the air at their heads, the dose that they take, and the speed that smoke leaves them."""
+"""Exposure of people to smoke, gases and heat: the air at their heads, their doses, and their speeds in smoke."""
 
 import math
 import time

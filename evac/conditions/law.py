@@ -1,4 +1,4 @@
-"""Speed in smoke: the base class of laws, and the effect of irritant gases on top of them."""
+"""Speed in smoke: the base class of laws, and the additional effect of irritant gases."""
 
 from abc import ABC, abstractmethod
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""Ways round the crowd: directions that use the width that is there at corners, at junctions and before stairs.
+"""Ways round the crowd: directions that use the whole width at corners, at junctions and before stairs.
 
 The directions of an empty building lead everybody along the same line, close to each corner. Where people keep
 distances, they take a longer way beside the crowd instead. Every few seconds, the density of the people who walk the

@@ -1,4 +1,4 @@
-"""Routes that are solved again with the speeds that smoke leaves, whatever their strategy.
+"""Routes that are solved again with the speeds in smoke, for every strategy.
 
 Until smoke is first noticed, directions are those of the building. Then each route has a `RouteField`, as those that
 follow the crowd have, whose slowness is divided by the share of the speed at each node. A level is solved again if the

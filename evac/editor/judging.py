@@ -1,4 +1,4 @@
-"""What `evac check` says of a plan that is being drawn, and the building of what is right in it."""
+"""Findings of `evac check` on a plan that is being drawn, and the building of its valid parts."""
 
 import base64
 import time

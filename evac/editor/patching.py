@@ -1,4 +1,4 @@
-"""Changes of a TOML file in its text: only the spans of changed values are written, and the result is proven."""
+"""Changes in the text of a TOML file: only the spans of changed values are written, and the result is checked."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""The run of a case in a process of its own, and what its folder tells of it, whoever started it."""
+"""Runs and studies of a case in processes of their own, and their state, which is read from their folders."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""The server of the page: on the loopback address alone, for who has its address, and for nothing but the editor."""
+"""The server of the page: it listens on the loopback address only, and answers requests with its secret token only."""
 
 import base64
 import html

@@ -1,4 +1,4 @@
-"""What is edited: the plan in a file, what was judged of it, and the journal of what is not saved yet."""
+"""A session of the editor: the plan in a file, the findings on it, and the journal of edits that are not saved yet."""
 
 import base64
 import difflib

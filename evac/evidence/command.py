@@ -1,4 +1,4 @@
-"""Recomputation of one kind of evidence."""
+"""The command `evac evidence`: recomputation of one kind of evidence."""
 
 import csv
 import importlib

@@ -1,4 +1,4 @@
-"""What an import finds in a building: openings that may be exits, rooms with people, and what the building lacks."""
+"""Findings of an import on a building: openings that may be exits, rooms with people, and missing parts."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Behaviours: what people decide at the tick. The base class of behaviour plugins."""
+"""Behaviours, by which people decide at each tick: the base class of behaviour plugins."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,8 +1,8 @@
-"""The shape of bodies: how far a body extends from its centre, which is asked here by all that touches.
+"""The shape of bodies: how far a body extends from its centre, in every direction, for all contacts.
 
 Bodies are discs. For another shape, such as an ellipse across the desired direction, these two functions change, and
 nothing else in contacts, forces at a distance, neighbour lists and contact models. `Bodies` then needs the arrays that
-they read. docs/contributing.md says where the radius is read as a number.
+they read, see docs/contributing.md.
 """
 
 from evac.jit import inlined

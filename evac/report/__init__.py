@@ -1,4 +1,4 @@
-"""The report of a run or of a study: one HTML file that prints well and holds what a documentation has to hold.
+"""The report of a run or of a study: one HTML file to print, with all that the documentation of a simulation needs.
 
 Each section is a function that computes rows and pictures (`sections.py`) and a template with the words
 (`sections.html`), in which every value is escaped. All pages extend `frame.html`. `evidence.json` has the verdicts

@@ -1,4 +1,4 @@
-"""Which standard tests the model of a case has failed: the evidence that is kept with the program."""
+"""The standard tests that the model of a case has failed, from the evidence that is installed with evac."""
 
 import json
 import tomllib

@@ -1,4 +1,4 @@
-"""What judges a run: how it ends, and checks of velocities, forces, overlaps and densities during it."""
+"""The end of a run and its reason, and checks of velocities, forces, overlaps and densities during the run."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Whom links let through that are not open for everybody: closing ones, those of one direction, and controlled ones.
+"""People who may pass links that are not open for everybody: closing, one-way and controlled links.
 
 People whose body is on the line of a link when it closes are let through: for them it is open until their body has left
 the line (`Crowd.passing`). They go through it if the way of their route did so, also if others push them back first;

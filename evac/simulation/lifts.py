@@ -1,4 +1,4 @@
-"""The cars of lifts: their doors, their rides, and whom they let in. All of it becomes changes of the scene."""
+"""The cars of lifts: their doors, their rides, and whom they let in, all of which are changes of the scene."""
 
 from collections.abc import Iterable
 from typing import NamedTuple

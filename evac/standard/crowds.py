@@ -1,4 +1,4 @@
-"""Standard tests of crowds: densities and flows in corridors, at doors and on stairs, and people who come towards."""
+"""Standard tests of crowds: densities and flows in corridors, at doors and on stairs, and counterflows."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""A plan without its short forms: rooms become ground and areas, shafts stairs; storeys are repeated, ties resolved."""
+"""Expansion of the short forms of a plan: rooms to ground and areas, shafts to stairs; repeated storeys, and ties."""
 
 import copy
 import difflib

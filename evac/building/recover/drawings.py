@@ -1,4 +1,4 @@
-"""Drawings of architects as plans: rooms between walls drawn as lines, doors, and stairs by their treads."""
+"""Conversion of architectural drawings to plans: rooms between walls drawn as lines, doors, and stairs with treads."""
 
 import math
 import re

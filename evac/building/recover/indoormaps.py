@@ -1,4 +1,4 @@
-"""Indoor maps as GeoJSON: what the features of IMDF, of OpenStreetMap and of wrld3d are."""
+"""Indoor maps in GeoJSON: conversion of the features of IMDF, OpenStreetMap and wrld3d to parts of a plan."""
 
 import itertools
 import math

@@ -1,7 +1,7 @@
 """Entities and shapes of the products of an IFC file, read by a library in a process of its own, within time limits.
 
-The only module that knows the library. A product whose shape takes too long or ends the process costs itself alone.
-Limits are those of computing time, which other programs that run on the machine do not take.
+The only module that knows the library. If the shape of a product takes too long or ends the process, only this product
+is left out. Limits are those of computing time, which does not depend on other programs that run on the machine.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Travel times by marches: what a solver of them is, and two solvers.
+"""Travel times by fast marching: the base class of solvers, and two solvers.
 
 `FastMarching` (`marching.py`) calls scikit-fmm, level by level, and solves all fields of a building before a run.
 `CompiledMarch` (`compiled.py`) is one wave through all levels in compiled code, which solves some levels again during a

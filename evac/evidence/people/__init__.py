@@ -1,1 +1,1 @@
-"""People as measured: simulated people beside people in laboratories, with each movement model and contact model."""
+"""Comparison of simulated people with experiments, for each movement model and contact model."""

@@ -1,4 +1,4 @@
-"""People as measured: every measured value beside what each movement model and contact model does in that scene."""
+"""Every measured value of an experiment beside the results of each movement model and contact model in its scene."""
 
 from collections.abc import Sequence
 from itertools import pairwise

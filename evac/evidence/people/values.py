@@ -1,8 +1,8 @@
-"""The measured values of people, the targets of the default movement model, and what was found beside them.
+"""The measured values of people, the targets of the default movement model, and the results of runs beside them.
 
 Sources: PedPy's demonstration data (bottleneck 040_c_56_h-, corridor uo-ENTRANCE-180-EXIT, two-way corridor
 bi_corr_400_b_03); doors of Seyfried et al. (2009), Kretz et al. (2006) and Duesseldorf (2006), from the data files of
-jpscore's validation tests; flows and speeds on stairs as other models are compared with.
+jpscore's validation tests; flows and speeds on stairs that are used to check other models.
 """
 
 import math

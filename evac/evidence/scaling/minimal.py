@@ -1,4 +1,4 @@
-"""The least that a step of DEM takes, to compare with: neighbour half lists, bilinear directions, springs, no walls.
+"""A minimal step of DEM, as a lower bound of its time: neighbour half lists, bilinear directions, springs, no walls.
 
 Compiled as evac's kernels are. Those also have walls, portals and exits, check and undo steps, and sum for the summary.
 """

@@ -1,4 +1,4 @@
-"""Validation: the standard tests of the field for the movement of new cases, its preset for them, and the paper's.
+"""Validation: the standard tests with the movement model of new cases, with its preset for them, and as in the paper.
 
 The tests are those of `evac verify`.
 """
