@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import binom, norm
+from scipy.stats import binom, norm, t
 
 from evac.study.statistics import (
     deciding,
@@ -220,3 +220,22 @@ def test_variation_between_and_within_populations():
     assert found.between == pytest.approx(0.5, rel=0.1)
     assert found.within == pytest.approx(0.2, rel=0.1)
     assert variation(np.array([1.0, math.inf]), [0, 1]).reported == math.inf
+
+
+def test_a_difference_of_pairs_of_several_populations_is_one_of_their_means():
+    """Three populations of two pairs each: Student's interval of three means, without the pair that is blocked."""
+    before = np.array([10.0, 10.0, 20.0, 20.0, 30.0, 30.0, 40.0])
+    after = before + np.array([1.0, 3.0, 2.0, 4.0, 6.0, 4.0, np.nan])
+    found = difference(before, after, [0, 0, 1, 1, 2, 2, 2])
+    means = np.array([2.0, 3.0, 5.0])
+    half = t.ppf(0.975, 2) * means.std(ddof=1) / math.sqrt(3)
+    assert (found.value, found.runs) == (pytest.approx(20.0 / 6.0), 6)
+    assert [found.low, found.high] == pytest.approx([means.mean() - half, means.mean() + half])
+    assert found.note == "without 1 pair in which a run is blocked or failed"
+    one = difference(before[:2], after[:2], [5, 5])
+    assert (math.isnan(one.low), one.note) == (True, "no interval for one population")
+    pairs = difference(before[:6], after[:6])
+    half = t.ppf(0.975, 5) * np.std([1.0, 3.0, 2.0, 4.0, 6.0, 4.0], ddof=1) / math.sqrt(6)
+    assert [pairs.low, pairs.high] == pytest.approx([20.0 / 6.0 - half, 20.0 / 6.0 + half])
+    same = difference(before[:2], before[:2] + 1.5)
+    assert (same.low, same.value, same.high) == (1.5, 1.5, 1.5)
