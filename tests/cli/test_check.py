@@ -4,10 +4,12 @@ import json
 import os
 import re
 import shutil
+from pathlib import Path
 
 import pytest
 
 import evac
+import evac_buildings
 from evac.cli.main import main
 from evac.results.ending import Stopped
 
@@ -27,6 +29,47 @@ def test_shows_the_building_and_the_people(evac, capsys):
     assert err == ""
 
 
+COURSE = """
+[[people]]
+name = "late"
+level = "room"
+arrive = { times = [2.0, 5.0, 9.5] }
+
+[[people]]
+name = "post"
+number = 1
+level = "room"
+leave = false
+
+[[event]]
+name = "shut"
+time = 1.5
+kind = "close"
+target = "door"
+
+[[event]]
+time = 4.0
+kind = "slow"
+target = "room"
+value = 0.5
+"""
+
+
+def test_shows_who_arrives_and_stays_and_the_events(evac, tmp_path, capsys):
+    shutil.copytree(Path(evac_buildings.__file__).parent / "square_room", tmp_path / "room")
+    case = tmp_path / "room" / "case.toml"
+    case.write_text(case.read_text(encoding="utf-8") + COURSE, encoding="utf-8")
+    assert evac("check", case) == 0
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    for line in (
+        "late room 3 people, 2.00 to 9.50 s",
+        "post room they do not leave",
+        "shut 1.5 s close door -",
+        "- 4 s slow room 0.5",
+    ):
+        assert line in lines
+
+
 def test_a_mesh_without_exits_shows_where_one_can_be(evac, tmp_path, capsys):
     mesh = tmp_path / "room.obj"
     mesh.write_text("v 0 0 0\nv 4 0 0\nv 4 3 0\nv 0 3 0\nf 1 2 3 4\n")
@@ -35,7 +78,7 @@ def test_a_mesh_without_exits_shows_where_one_can_be(evac, tmp_path, capsys):
     assert re.search(r"floor z=0\.00 +floor", out)
     assert "Exits" not in out
     assert "room.obj: " in err
-    assert 'segment = [[0.00, 0.00], [4.00, 0.00]], level = "floor z=0.00"' in err
+    assert 'segment = [[0.00, 0.00], [4.00, 0.00]], level = "room"' in err
 
 
 def test_warns_of_doors_narrower_than_the_widest_person(evac, capsys):

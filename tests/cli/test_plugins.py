@@ -117,3 +117,18 @@ def test_what_a_plugin_does_to_the_process_is_told_in_one_line(code, tmp_path):
     assert "Traceback" not in done.stderr
     if status == 3:
         assert "results in" in done.stdout
+
+
+def test_a_plugin_by_name_is_shown_alone_and_all_are_listed_with_their_files(evac, capsys):
+    assert evac("plugins", "nsm2") == 0
+    alone = capsys.readouterr().out
+    assert "evac_plugins.contact_nsm2" in alone
+    assert "contact_nsm1" not in alone
+    assert evac("plugins", "--verbose") == 0
+    listed = capsys.readouterr().out
+    assert {"contact_nsm1", "contact_nsm2", "import_dxf"} <= set(re.findall(r"evac_plugins\.(\w+)", listed))
+    assert evac("plugins") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert sum(line.startswith("contact model nsm2: ") for line in lines) == 1
+    assert evac("plugins", "nsm3") == 2
+    assert "did you mean 'nsm" in capsys.readouterr().err

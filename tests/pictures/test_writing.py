@@ -42,7 +42,7 @@ class Noted:
         self.calls = []
 
     def __getattr__(self, kind):
-        return lambda *given: self.calls.append((kind, *given))
+        return lambda *given, **_: self.calls.append((kind, *given))
 
     def of(self, kind):
         return [given for one, *given in self.calls if one == kind]
@@ -72,3 +72,22 @@ def test_the_scale_bar_is_as_long_as_it_says_and_the_arrow_points_north(scale, l
     assert (np.dot(np.array(others) - point, north) < 0.0).all()
     assert 0.0 < np.dot(shaft[1] - shaft[0], north) < np.dot(whole, north)
     assert np.mean(others, axis=0) == pytest.approx(point - 0.88 * pen.unit * np.array(north))
+
+
+@pytest.mark.parametrize(
+    ("place", "inside"),
+    [((200, 100), True), ((-30, 100), False), ((420, 100), False), ((200, -9), False), ((200, 320), False)],
+)
+def test_labels_are_moved_into_the_picture(place, inside):
+    image = Image.new("RGB", (400, 300))
+    pen = Pen(image)
+    draw, pen.draw = pen.draw, Noted()
+    pen.draw.textbbox = draw.textbbox
+    pen.label("a label", np.array(place, float), "mm", "black")
+    ((at, words, _, letters, anchor),) = (given[:5] for given in pen.draw.of("text"))
+    assert (at == place) == inside
+    x1, y1, x2, y2 = draw.textbbox(at, words, letters, anchor)
+    assert min(x1, y1) >= 4.0
+    assert (x2 <= 396.0, y2 <= 296.0) == (True, True)
+    moved = np.subtract(at, place) != 0.0
+    assert moved.sum() == (0 if inside else 1)  # no farther than needed, and along the side

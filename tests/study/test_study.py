@@ -12,7 +12,7 @@ import pytest
 import evac
 from evac.base.errors import PluginError, ResultError, ScenarioError, SimulationError
 from evac.folder.files import RUNS_STREAM_NAME
-from evac.study.outputs import remarks_of, statistics_table
+from evac.study.outputs import remarks_of, statistics_table, write_replays
 from evac.study.store import read_identity, write_identity
 from evac.study.study import Study
 
@@ -226,6 +226,17 @@ def test_runs_with_half_the_step_are_paired_with_the_others(case, tmp_path, monk
     assert other.step_change is None
     assert other.difference(0, 1).runs == 2
     assert other.plot().axes[0].get_legend_handles_labels()[1] == [point.label for point in other.points]
+
+
+def test_replays_are_those_of_the_median_and_of_the_worst_run(case, tmp_path):
+    study = evac.repeat(case, 4, folder=tmp_path / "r", workers=1)
+    write_replays(study)
+    times = [row["last_out"] for row in study.rows(0, ["last_out"])]
+    ranked = sorted(range(4), key=times.__getitem__)
+    for rank, run in (("median", ranked[1]), ("worst", ranked[3])):
+        page = (tmp_path / "r" / f"replay-{rank}.html").read_text(encoding="utf-8")
+        seed = study.case_of(0, run).simulation.seed
+        assert f"<title>{rank.capitalize()} of 4 runs, seed {seed}: " in page
 
 
 def test_a_script_is_told_what_the_command_tells():
