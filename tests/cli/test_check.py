@@ -78,7 +78,7 @@ def test_a_mesh_without_exits_shows_where_one_can_be(evac, tmp_path, capsys):
     assert re.search(r"floor z=0\.00 +floor", out)
     assert "Exits" not in out
     assert "room.obj: " in err
-    assert 'segment = [[0.00, 0.00], [4.00, 0.00]], level = "room"' in err
+    assert 'segment = [[0.00, 0.00], [4.00, 0.00]], level = "floor z=0.00"' in err
 
 
 def test_warns_of_doors_narrower_than_the_widest_person(evac, capsys):
