@@ -8,7 +8,7 @@ from tests.editor.round_trips import ROOT, taken_through, written
 from tests.editor.test_page import Page
 
 
-@pytest.mark.parametrize("name", ["new", "classroom", 0, 1])
+@pytest.mark.parametrize("name", ["new", "classroom", 0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_building_comes_back_to_the_byte(browser, serve, house, tmp_path, name):
     folder = house if name == "new" else tmp_path / "case"
     if name == "classroom":

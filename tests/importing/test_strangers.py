@@ -16,8 +16,7 @@ WANTED = dict.fromkeys(FORMATS, 19) | {"fds": 15}
         ("osm", 2),
         ("fds", 1),
         ("ifc", 237),
-        ("imdf", 235),
-        pytest.param("imdf", 9606, marks=pytest.mark.slow),
+        *(pytest.param("imdf", seed, marks=pytest.mark.slow) for seed in (235, 9606)),
     ],
 )
 def test_a_stranger_is_right(tmp_path, name, seed):
