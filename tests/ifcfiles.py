@@ -6,6 +6,7 @@ from concurrent.futures import Future
 import pytest
 
 import evac
+from evac.base.processes import Pool
 from evac.contract.registry import Registry, built_in
 
 HEADER = """ISO-10303-21;
@@ -146,7 +147,12 @@ class Here:
 
 @pytest.fixture
 def here(monkeypatch):
-    monkeypatch.setattr("evac.base.processes.Pool", Here)
+    """Read products in this process; processes that are started for anything else, such as kernels, are real."""
+
+    def pool(workers, *given, **options):
+        return Here(workers, *given, **options) if given else Pool(workers, **options)
+
+    monkeypatch.setattr("evac.base.processes.Pool", pool)
 
 
 def plan_of(path, **parameters):
